@@ -47,6 +47,7 @@ from mechanical_fmu.program import MechanicalProgram
 from mechanical_fmu.stress_outputs import Moved, stress_outputs, stress_variables
 from mechanical_fmu.system import ForceBalance, Loading, System, system_of
 from mechanical_fmu.tangent import MAX_SURFACE_DOFS, StiffnessAnchor, refuse_loose, refuse_unheld
+from mechanical_fmu.unstable import unstable_outputs, unstable_variables
 from mechanical_fmu.volume import CellError, CellInversionError, PointStep
 from mechanical_fmu.warm import Beginning, beginning, memory_layout
 
@@ -144,8 +145,10 @@ def elastic_variables(system: System) -> tuple[Variable, ...]:
         outputs += [Variable(f"motion.{interface.bodies[b]}", (3,), unit="1",
                              description="u_x, u_y [m] and angle [rad] of the reference point", on="none")
                     for b in system.rigid.body]
+    # Who reads what lies near reads what is costly by the way, so that is the last.
     return (*inputs, *outputs, *(contact_variables(n_q, system.contact.slips, with_status=True,
-                                                         tied=system.contact.tied is not None) if n_q else ()))
+                                                   tied=system.contact.tied is not None) if n_q else ()),
+            *unstable_variables(system))
 
 
 def damps(system: System) -> bool:
@@ -190,7 +193,7 @@ def outputs_of(system: System, found: StepResult, moved: Moved, state: ElasticSt
         outputs |= contact_outputs(balance.tractions, state.slid if system.contact.slips else None,
                                    system.contact.tied)
     stress = stress_outputs(system, found, moved)
-    return replace(stress, now=outputs | dict(stress.now))
+    return replace(stress, now=outputs | dict(stress.now), apart=unstable_outputs(system, found, moved))
 
 
 def _heats(system: System, found: StepResult, moved: Moved, state: ElasticState) -> dict[str, Value]:

@@ -157,8 +157,8 @@ class VariableStore:
                 self.reals[at : at + value.size] = value.ravel()
         # What is left out keeps its value, owed or not.
         # fault: what a step left out is owed no more -> self.owed = () | contact/test_store
-        self.owed = tuple(one for one in self.owed if one.variable.name not in (*checked, *given.later))
-        self.owed += tuple(self._owed(name, given) for name in given.later)
+        self.owed = tuple(one for one in self.owed if one.variable.name not in (*checked, *given.owed))
+        self.owed += tuple(self._owed(name, given) for name in given.owed)
         return ""
 
     def report(self, code: int, message: str, dt_suggest: float, dt_stable: float) -> None:

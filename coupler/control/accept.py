@@ -68,7 +68,9 @@ def shorter(attempt: Attempt, size: float, why: str) -> ControlState:
     adaptive, control = attempt.plan.adaptive, attempt.at.control
     assert adaptive is not None
     if at_least(attempt):
-        raise gave_up(attempt, why, f"the window of {attempt.H:.3g} s is at its least")
+        # fault: who may not go shorter is told to -> remedy = SMALLER | coupler/test_control
+        remedy = AT_LEAST.get(attempt.solved.verdict, SMALLER)
+        raise gave_up(attempt, why, f"the window of {attempt.H:.3g} s is at its least", remedy)
     return tried_again(attempt, replace(control, size=max(size, adaptive.least), reason=f"tried again after: {why}",
                                       below=attempt.span.k1, aim=0), why)
 
@@ -88,6 +90,16 @@ def tried_again(attempt: Attempt, control: ControlState, why: str) -> ControlSta
 
 SMALLER = ("Everything up to here is in the results file. Give smaller windows (coupling.windows) "
            "or more substeps around this time, or look at the data that change here")
+# What the halves may not be able to solve in any window, by which of them gave up.
+AT_LEAST = {
+    Verdict.THERMAL_DISCARD: "Everything up to here is in the results file. Shorter windows do not help: look at the "
+                             "heat that enters at this time. A source or friction may make heat faster than it can "
+                             "leave (thermal runaway)",
+    Verdict.MECHANICAL_DISCARD: "Everything up to here is in the results file. Shorter windows do not help: look at "
+                                "the loads at this time. They may be more than the bodies can carry (limit load, "
+                                "buckling): prescribe displacements in place of forces, or follow the motion with "
+                                "inertia (mechanical.elastic.dynamics)",
+}
 
 
 def gave_up(attempt: Attempt, why: str, how: str, remedy: str = SMALLER) -> CouplingError:

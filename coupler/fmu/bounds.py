@@ -297,7 +297,8 @@ def wrong_values(role: str, got: Mapping[str, Array], scene: BorderScene | None)
             return None
         i = int(np.argmin(T)) if T.min() <= least else int(np.argmax(T))
         return Breach(f"T[{i + 1}] is {T[i]:.6g} K; it must be above {least:g} and below {most:g} K",
-                      "Give out kelvin; if it is, the step is too long for its method, or the exchange unstable", True)
+                      "Give out kelvin; if it is, the step is too long for its method, the exchange unstable, or heat "
+                      "is made faster than it can leave", True)
     return next(filter(None, (check(got[name], scene) for name, check in _MECHANICAL.items() if name in got)), None)
 
 

@@ -75,6 +75,7 @@ from coupler.schemes.accounts import HEATS
 from coupler.schemes.ledger import Ledger
 from coupler.schemes.mapped import joined
 from coupler.schemes.state import OFF_MESH, CoupledState
+from coupler.trust.equilibrium import OUTPUT as STABLE
 from coupler.trust.watch import TrustWatch
 
 Array = NDArray[np.float64]
@@ -288,6 +289,7 @@ class Run:
                                  self._outputs.ranges(self.state.now, self.scenario.interface, look))
             self._frame(look)
             self._choice = self._choice.begun(self.state.now)
+            self._look_at_equilibrium(look)
         self._commit()
         while not (self._finished or self._interrupts.asked or self.state.now.t >= self._until):
             self._meter.begin()
@@ -319,6 +321,7 @@ class Run:
                     self._recorder.thin()
                 if due:
                     self._frame(look, chosen=not asked)
+                self._look_at_equilibrium(look)
                 self._commit()
             else:
                 # fault: a checkpoint in the middle of a rejected window keeps the record of the try ->
@@ -378,6 +381,15 @@ class Run:
         self._framed, self._tried = min(self._framed, record.framed), None
         self._finished, self._frames = finished(self._at, self.plan), self._frames_from_here()
         self._stand()
+
+    def _look_at_equilibrium(self, look: Look) -> None:
+        """Ask the mechanical half now and then whether its equilibrium is stable."""
+        t, end = self.state.now.t, self.scenario.coupling.end
+        if STABLE not in self.halves.mechanical.blocks or not self._trust_watch.wants_equilibrium(
+                self._trust, t, end, at_end=self._finished):
+            return
+        directions = float(look.read("mechanical", [STABLE])[STABLE])
+        self._trust = self._trust_watch.with_equilibrium(self._trust, directions, t)
 
     def _look(self, framed: bool) -> Look:
         """Read what is recorded of a window, and of a frame if there is one."""

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from contact.half.interface import Interface
 from coupler.schemes.ledger import imbalance
 from coupler.schemes.levels import Level
-from coupler.trust import carried, errors, passing, penetration, rhythm, stability, temperatures
+from coupler.trust import carried, equilibrium, errors, passing, penetration, rhythm, stability, temperatures
 from coupler.trust.checks import Check, measured
 from coupler.trust.errors import Looked
 
@@ -39,6 +39,7 @@ class TrustLog:
     errors: errors.ErrorLog = field(default_factory=errors.ErrorLog)
     stability: stability.StabilityLog = field(default_factory=stability.StabilityLog)
     carried: carried.CarriedLog = field(default_factory=carried.CarriedLog)
+    equilibrium: equilibrium.EquilibriumLog = field(default_factory=equilibrium.EquilibriumLog)
     windows: int = 0
     forced: int = 0
     forced_t: float = 0.0
@@ -97,6 +98,14 @@ class TrustWatch:
             penetration=self._yields.watched(log.penetration, now),
             carried=carried.watched(log.carried, off_mesh, now.t))
 
+    def wants_equilibrium(self, log: TrustLog, t: float, end: float, at_end: bool = False) -> bool:
+        """Whether to ask the mechanical half for `equilibrium.OUTPUT` at t [s] of a run to `end` [s]."""
+        return equilibrium.due(log.equilibrium, t, end, at_end)
+
+    def with_equilibrium(self, log: TrustLog, directions: float, t: float) -> TrustLog:
+        """Return the log after the mechanical half told at t [s] in how many directions its equilibrium is unstable."""
+        return replace(log, equilibrium=equilibrium.watched(log.equilibrium, directions, t))
+
     def mended(self, log: TrustLog, found: stability.Mended, t: float, H: float) -> TrustLog:
         """Return the log after a window of H to t [s] was put back because the exchange rings in it."""
         return replace(log, stability=stability.mended(log.stability, found, t, H),
@@ -118,6 +127,7 @@ class TrustWatch:
             *passing.checks(log.passing, self._place(log.passing.node, log.passing.end), bool(self._interface.pairs),
                             self._prescribed),
             penetration.check(log.penetration, self._yields, self._prescribed),
+            *equilibrium.checks(log.equilibrium),
             measured("heat balance", off, BALANCE,
                      what=f"a fraction of {off:.2g} of the heat moved is not accounted for",
                      remedy="Use a smaller thermal.tolerance"),

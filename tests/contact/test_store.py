@@ -50,6 +50,20 @@ def test_what_nobody_reads_is_not_worked_out():
     assert made.times == 1, "all of them at once, and once"
 
 
+def test_what_is_apart_is_worked_out_alone():
+    """And the rest without it: who reads stresses in every window is not to pay for what is asked for once a run."""
+    store, made, rare = VariableStore(layout_of(FIELDS, ())), Made(5.0), []
+    outputs = Outputs({"a": 1.0}, ("stress", "strain"), made, {"z": lambda: rare.append(1) or 7.0})
+    assert store.take_outputs(outputs) == ""
+    assert set(outputs) == {"a", "stress", "strain", "z"}
+    assert store.get_reals([1, 2, 3]) == [5.0, 5.0, 5.0]
+    assert (made.times, len(rare)) == (1, 0)
+    store, made = VariableStore(layout_of(FIELDS, ())), Made(5.0)
+    store.take_outputs(Outputs({"a": 1.0}, ("stress", "strain"), made, {"z": lambda: rare.append(1) or 7.0}))
+    assert store.get_reals([6]) + store.get_reals([6]) == [7.0, 7.0]
+    assert (made.times, len(rare)) == (0, 1)
+
+
 def test_any_order_of_references_finds_what_is_owed():
     store, made = store_with(5.0)
     assert store.get_reals([6, 3, 0]) == [2.0, 5.0, 1.0]

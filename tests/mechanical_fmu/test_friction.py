@@ -15,6 +15,7 @@ from mechanical_scenes import EXPECTED, NO_CELLS, blocks, done, elastic, hold, i
 
 from contact.half.interface import Interface, Pair
 from contact.rpc.link import open_link
+from mechanical_fmu.unstable import NAME, UNKNOWN
 
 PRESS = 1e-6  # m, of two blocks of 1 m
 E = 2.0e11
@@ -118,3 +119,8 @@ def test_a_block_held_at_the_bound_keeps_its_drag(stop, enforced):
     assert sum(heat[:11]) > 0.0
     assert force[-1] == pytest.approx(force[10], rel=HELD)
     assert sum(heat[11:]) <= HELD * abs(force[10] * stop)
+
+
+def test_whether_an_equilibrium_is_stable_is_not_known_where_surfaces_slip():
+    pressed, *_, slipped = dragged(0.3, [8e-6, 1.6e-5])
+    assert (pressed[NAME], slipped[NAME]) == (0.0, UNKNOWN)
