@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from contact.half.interface import Interface
 from coupler.schemes.ledger import imbalance
 from coupler.schemes.levels import Level
-from coupler.trust import carried, equilibrium, errors, passing, penetration, rhythm, stability, temperatures
+from coupler.trust import carried, equilibrium, errors, passing, penetration, rhythm, stability, tables, temperatures
 from coupler.trust.checks import Check, measured
 from coupler.trust.errors import Looked
 
@@ -40,6 +40,7 @@ class TrustLog:
     stability: stability.StabilityLog = field(default_factory=stability.StabilityLog)
     carried: carried.CarriedLog = field(default_factory=carried.CarriedLog)
     equilibrium: equilibrium.EquilibriumLog = field(default_factory=equilibrium.EquilibriumLog)
+    tables: tables.TableLog = field(default_factory=tables.TableLog)
     windows: int = 0
     forced: int = 0
     forced_t: float = 0.0
@@ -61,6 +62,7 @@ class TrustWatch:
         self._sides = passing.Sides(interface)
         pairs = models["mechanical"].get("pairs", {})
         self._yields = penetration.Yields(interface, {n for n, p in pairs.items() if p.get("augmented")})
+        self._tables = tables.MaterialTables(interface, models)
         self._prescribed = models["mechanical"].get("half") == "rigid"
         self._inside = np.flatnonzero(interface.node_body >= 0)
         self._of = interface.node_body[self._inside]
@@ -72,7 +74,8 @@ class TrustWatch:
 
     def begun(self, now: Level, values: Array | None = None) -> TrustLog:
         """Return the log before the first window.  values : (n,) of the probes in SI; None: they are not followed."""
-        log = TrustLog(temperatures.begun(now), passing=self._sides.begun(now))
+        log = TrustLog(temperatures.begun(now), passing=self._sides.begun(now),
+                       tables=self._tables.watched(tables.TableLog(), now))
         return log if values is None else replace(log, errors=errors.begun(values, now.t))
 
     def after(self, log: TrustLog, levels: tuple[Level, Level], terms: Mapping[str, float], *, fresh: bool,
@@ -96,7 +99,7 @@ class TrustWatch:
             rhythm=rhythm.watched(log.rhythm, levels, warmth.most - warmth.least, self.means(now), fresh),
             passing=self._sides.watched(log.passing, before, now),
             penetration=self._yields.watched(log.penetration, now),
-            carried=carried.watched(log.carried, off_mesh, now.t))
+            carried=carried.watched(log.carried, off_mesh, now.t), tables=self._tables.watched(log.tables, now))
 
     def wants_equilibrium(self, log: TrustLog, t: float, end: float, at_end: bool = False) -> bool:
         """Whether to ask the mechanical half for `equilibrium.OUTPUT` at t [s] of a run to `end` [s]."""
@@ -122,6 +125,7 @@ class TrustWatch:
             errors.check(log.errors, self._probes, self._adaptive),
             stability.check(log.stability, 0 if self._adaptive else log.errors.looked),
             temperatures.check(log.temperatures, self._place(log.temperatures.node)),
+            *self._tables.checks(log.tables),
             *carried.checks(log.carried, log.temperatures.most - log.temperatures.least, self._own_mesh),
             *rhythm.checks(log.rhythm, self._place(log.rhythm.node), self._interface.bodies),
             *passing.checks(log.passing, self._place(log.passing.node, log.passing.end), bool(self._interface.pairs),
