@@ -50,7 +50,7 @@ def unheld(problem: ElasticProblem, interface: Interface, end: float = inf) -> I
     """
     if problem.inert:
         return
-    frames = [_frame(interface, body) for body in range(len(interface.bodies))]
+    frames = [_frame(interface, body) for body in interface.bodies]
     lasting = [b for b in problem.boundary if b.until is None or (isinstance(b.until, float) and b.until >= end)]
     held = _held_by_conditions(lasting, problem, interface, frames)
     pairs = [(pair, *(_rows_of(pair, interface, frames))) for pair in interface.pairs
@@ -84,8 +84,23 @@ def unheld(problem: ElasticProblem, interface: Interface, end: float = inf) -> I
                     "Prescribe a displacement of one of them, or add mechanical.elastic.dynamics.")
 
 
-def _frame(interface: Interface, body: int) -> tuple[Floats, float]:
-    x = interface.nodes[interface.node_body == body]
+HOLDS_ALL = 3
+
+
+def held_by(boundary: Iterable[ElasticBoundary], problem: ElasticProblem, interface: Interface, body: str) -> int:
+    """Return how many of the three rigid motions of a body some conditions hold."""
+    at = interface.bodies.index(body)
+    held = _held_by_conditions(boundary, problem, interface, [_frame(interface, b) for b in interface.bodies])
+    return HOLDS_ALL - int(_null(held[at]).shape[1])
+
+
+def name_of_pairs(pairs: Iterable[Pair]) -> str:
+    """Return the names of pairs as a sentence has them."""
+    return " and ".join(pair.name for pair in pairs)
+
+
+def _frame(interface: Interface, body: str) -> tuple[Floats, float]:
+    x = interface.nodes[interface.node_body == interface.bodies.index(body)]
     middle = 0.5 * (x.max(axis=0) + x.min(axis=0))
     return middle, max(float(np.abs(x - middle).max()), float(np.finfo(float).tiny))
 
@@ -145,8 +160,7 @@ def _wrong(body: str, motion: str, pairs: list[Pair]) -> Wrong:
     if not pairs:
         why = "no condition does, and it is in no contact pair"
     else:
-        names = " and ".join(pair.name for pair in pairs)
-        why = (f"no condition does, and contact in {names} has no "
+        why = (f"no condition does, and contact in {name_of_pairs(pairs)} has no "
                + ("part that faces that way" if any(p.mu > 0.0 for p in pairs) else "friction and faces another way"))
     remedy = f"Prescribe it (on or at a place of {body}, mechanical.elastic.boundary)"
     more = ", give the pair friction" if pairs and not any(p.mu > 0.0 for p in pairs) else ""

@@ -14,6 +14,7 @@ from contact.half import checks
 from contact.half.functions import property_from
 from contact.half.held import unheld
 from contact.half.interface import Interface
+from contact.half.pushed_off import pushed_off
 from contact.half.start import start_temperature
 from contact.problem.boundary import FORMAT, UNEVEN, Supported
 from contact.problem.curves import FieldSum, Phases
@@ -538,7 +539,8 @@ def _of_elastic(s: Stated, problem: ElasticProblem) -> Iterator[Wrong]:
         return
     wrongs = list(checks.elastic_wrongs(problem, s.interface))
     # What is held can be said only where every condition stands somewhere.
-    yield from wrongs or unheld(problem, s.interface, s.file.coupling.end)
+    wrongs = wrongs or list(unheld(problem, s.interface, s.file.coupling.end))
+    yield from wrongs or pushed_off(problem, s.interface)
     for name in s.file.mechanical.elastic.bodies:
         if name not in s.file.bodies:
             for wrong in checks.known(name, s.file.bodies, (), "body"):

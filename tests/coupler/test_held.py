@@ -51,6 +51,41 @@ def test_what_nothing_holds_is_told(refused: Scene, text: str, tmp_path: Path) -
         refused.checked(tmp_path)
 
 
+SLOPE = {"x": 9.81 * 0.5, "y": -9.81 * 0.75**0.5}  # as on a slope of 30 degrees
+BESIDE = {"slave": "high.right", "master": "low.left", "gap_max": 0.02, "friction": {"mu": 0.3}}
+RAMP = {"t": [0, 1], "value": [0, -9.81]}
+
+
+@pytest.mark.parametrize(("refused", "text"), [
+    (scene(FOOT, mu=0.3, gravity=SLOPE), r"'high' against its load: .* lies 13\.3 degrees outside of what contact in "
+                                         r"face carries \(mu 0\.3: 16\.7 degrees to either side"),
+    (scene(FOOT, mu=0.3, gravity={"y": 9.81}), "163.3 degrees outside"),
+    (scene(FOOT, mu=0.3, gravity={"y": 9.81}).edited(mechanical__elastic__gravity={"x": RAMP}), "73.3 degrees outside"),
+    (scene(FOOT, {"body": "high", "f_x": 4e3, "f_y": -8e3}, mu=0.3, bodies={"high": {"rigid": True}}), " 9.9 degrees"),
+    (scene(FOOT, {"body": "high", "b_x": -4e3, "b_y": -8e3}, mu=0.3), " 9.9 degrees outside"),
+])
+def test_what_slides_down_is_told(refused: Scene, text: str, tmp_path: Path) -> None:
+    """Its load lies outside the cone of Coulomb of all it may lie on, so nothing has to be run."""
+    with pytest.raises(ScenarioError, match=text):
+        refused.checked(tmp_path)
+
+
+@pytest.mark.parametrize("good", [
+    scene(FOOT, mu=0.6, gravity=SLOPE), scene(FOOT, mu=0.54, gravity=SLOPE),  # the last by the margin
+    scene(FOOT, mu=0.3, gravity=SLOPE, dynamics={}),
+    scene(FOOT, mu=0.3, gravity={"x": {"t": [0, 1], "value": [0, 5]}, "y": -9.81}),
+    scene(FOOT, PUSH, mu=0.3, gravity=SLOPE),  # pressed on
+    scene(FOOT, {"at": "high.top.centre", "u_x": 0}, mu=0.3, gravity=SLOPE),
+    scene(FOOT, mu=0.3, gravity=SLOPE).edited(contact__beside=BESIDE),  # a stop across the slope
+    scene({"on": "low.bottom", "rotation": {"about": [0, 0], "angle": {"t": [0, 1], "value": [0, 0.5]}}}, mu=0.3,
+          gravity=SLOPE),  # the slope turns
+    scene(FOOT, mu=0.3, gravity=SLOPE).edited(contact__face={"slave": "high.bottom", "master": "low.top", "gap_max":
+                                                             0.02, "tied": True}),
+])
+def test_what_friction_or_a_stop_may_hold_is_let_pass(good: Scene, tmp_path: Path) -> None:
+    good.checked(tmp_path)
+
+
 @pytest.mark.parametrize("good", [
     scene(FOOT, PUSH, mu=0.3), scene(FOOT, {"at": "high.top.centre", "u_x": 0}), scene(FOOT, PUSH, dynamics={}),
     scene(FOOT, PUSH, method="explicit"), scene(FOOT, PUSH, mu=0.1, third=True),

@@ -139,6 +139,19 @@ def test_the_change_of_temperature_is_bounded():
     assert abs(ran.outputs[-1]["heat.flux"] - 50.0) < 1e-9
 
 
+def test_a_prescribed_ramp_is_no_change_that_is_watched():
+    """10 K in each substep at the hot end, as prescribed: what is told is the largest change of the other nodes."""
+    bar = scene(Box(0, 1, 0, 1, 10))
+    ramp = [{"on": "a.left", "temperature": {"t": [0, 2], "value": [0, 40]}}]
+    ran = run(bar, spec(ramp), 0.5, 4)
+    hot = np.unique(bar.surfaces["a.left"])
+    change = np.abs(np.diff(ran.T, axis=0, prepend=0.0))
+    assert change[:, hot] == pytest.approx(10.0)
+    for o, told in zip(ran.outputs, np.delete(change, hot, axis=1).max(axis=1), strict=True):
+        assert 0.0 < told < 9.999
+        assert o["max_dT"] == pytest.approx(told)
+
+
 def test_inner_steps_end_at_kinks_and_jumps_restart_damped():
     """A wall that jumps inside the substep, off every regular step: nothing happens before, nothing rings after."""
     bar = scene(Box(0, 1, 0, 1, 20))

@@ -141,6 +141,18 @@ def test_a_freezing_rod_in_one_step() -> None:
     assert imbalance([dict(done.outputs)]) < 1e-10
 
 
+def test_a_prescribed_ramp_is_no_change_that_is_watched() -> None:
+    """Of a quick ramp at one end max_dT is the largest change of the other nodes."""
+    interface = two()
+    ramp = [{"on": "a.left", "temperature": {"t": [0, 6], "value": [700, 1100]}}]
+    told = drive(load_rod, interface, {**model(METAL, boundary=ramp), "half": "thermal_rod"}, 4)
+    change = np.abs(np.diff([step["T"] for step in told], axis=0))
+    hot = np.unique(interface.surfaces["a.left"])
+    assert change[:, hot] == pytest.approx(100.0)
+    assert [step["max_dT"] for step in told[1:]] == pytest.approx(np.delete(change, hot, axis=1).max(axis=1))
+    assert 0.0 < max(step["max_dT"] for step in told) < 99.0
+
+
 def test_a_restored_rod_gives_the_same_bits() -> None:
     interface = two()
     spec = {**model(MELT, T0=940.0), "half": "thermal_rod"}
