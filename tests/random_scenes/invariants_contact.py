@@ -59,7 +59,8 @@ def tip_depths(story: Story, pair: Pair, nodes: Ints, x: Floats, other: Ints, to
     Of a flank of length h in a surface of the pair that rises by s against what it meets, the flatter of two: contact
     between Gauss points is not felt, 0.21 h s (docs/contact.md); and of a tip d < h s deep its node is told the mean of
     max(d - s y, 0) by its shape function, m = d^2/(h s) - d^3/(3 h^2 s^2) >= 2/3 d^2/(h s), so d <= (1.5 m h s)^(1/2).
-    What is tied holds the mean of d - s y itself, 2/h int (1 - y/h)(d - s y) = d - h s/3.
+    What is tied holds the mean of d - s y itself, 2/h int (1 - y/h)(d - s y) = d - h s/3 in the mean of both flanks, so
+    at most that of the steeper one.
     """
     a, b = x[other[:, 0]], x[other[:, 1]]
     _, e = nearest_edge(x[nodes], a, b)
@@ -73,7 +74,7 @@ def tip_depths(story: Story, pair: Pair, nodes: Ints, x: Floats, other: Ints, to
             d = x[edge[1]] - x[edge[0]]
             length = float(np.linalg.norm(d))
             rises.append(max(length, h) * abs(float(d[0] * t[i, 1] - d[1] * t[i, 0])) / length)
-        rise = min(rises, default=0.0)
+        rise = max(rises, default=0.0) if pair.tied else min(rises, default=0.0)
         depths[i] = (TIED_TIP if pair.tied else TIP) * rise + np.sqrt(1.5 * told_m * rise)
     return depths
 
