@@ -74,7 +74,7 @@ from coupler.scenario.timing import SAME_TIME, Frames
 from coupler.schemes.accounts import HEATS
 from coupler.schemes.ledger import Ledger
 from coupler.schemes.mapped import joined
-from coupler.schemes.state import OFF_MESH, CoupledState
+from coupler.schemes.state import ACROSS, OFF_MESH, CoupledState
 from coupler.trust.equilibrium import OUTPUT as STABLE
 from coupler.trust.watch import TrustWatch
 
@@ -303,7 +303,8 @@ class Run:
                     self._trust, (self.state.now, tried.solved.state.now), Ledger().after(tried.solved.terms).terms,
                     fresh=self.state.now.t in kinks, forced=tried.solved.anyway, looked=tried.looked,
                     inputs=tried.before.settings.inputs.get("thermal", {}),
-                    off_mesh=tried.solved.monitors.get(f"thermal.{OFF_MESH}"))
+                    off_mesh=tried.solved.monitors.get(f"thermal.{OFF_MESH}"),
+                    off_across=tried.solved.monitors.get(f"thermal.{ACROSS}"))
                 self.ledger = self.ledger.after(tried.solved.terms)
             elif tried.mended is not None:
                 self._trust = self._trust_watch.mended(self._trust, tried.mended, tried.t + tried.H, tried.H)

@@ -26,6 +26,7 @@ from coupler.scenario.options import Iteration
 from coupler.scenario.several import Member, Several
 from coupler.schemes.acceleration import Trail, next_guess
 from coupler.schemes.ledger import NO_TERMS, PREFIX, STORED
+from coupler.schemes.state import ACROSS
 
 COURSE, COURSE_ELSEWHERE, DAMPED, DAMPS = COURSES = ("course.T", "course.T_elsewhere", "course.damped", "course.damps")
 AFTER_A_JUMP, ALWAYS = 1.0, 2.0  # values of DAMPED
@@ -33,7 +34,7 @@ WOULD, DID = 1.0, 2.0  # values of DAMPS
 ITERATIONS, OFF = "across.iterations", "across.off"  # of the last substep: how many, and how far apart at the end [K]
 OF_BODY, OF_PAIR = "condition.heat.source.", "condition.heat.pair."
 SUMS = ("iterations", "substeps", "rejected", "heat_stored", "contact.touching", *NO_TERMS)
-LARGEST = ("residual", "max_dT")
+LARGEST = ("residual", "max_dT", ACROSS)
 LEAST = ("status.dt_stable", "status.dt_suggest")
 # Of halves of other packages, which do not say what rows belong to.
 PLACES = {"T": "nodes", "x": "nodes", "f_s": "nodes", "E_M": "cells", "E_S": "cells", "q": "cells",

@@ -169,6 +169,7 @@ class Halves:
     bodies: Bodies | None = None
 
 
+ACROSS = "across.T_off"  # of a thermal half with one temperature across: how far its surfaces differ from that [K]
 OFF_MESH = "mesh.T_off"  # of a thermal half on a mesh of its own: what the scene's does not hold of T [K]
 
 
@@ -179,7 +180,7 @@ def wanted_outputs(thermal: Half, mechanical: Half, monitors: Collection[str] = 
     """
     t = [n for n, b in thermal.blocks.items() if b.causality == "output" and b.kind == "Real"
          and (n.startswith(PREFIX) or n in ("T", "f_s", "iterations", "contact.touching", *NO_TERMS)
-              or n == OFF_MESH or f"thermal.{n}" in monitors)]
+              or n in (OFF_MESH, ACROSS) or f"thermal.{n}" in monitors)]
     more = [n.removeprefix("mechanical.") for n in sorted(monitors) if n.startswith("mechanical.")]
     wanted = ("x", "contact.t_N", "contact.gap", "contact.covered", *HEATS, "iterations", "contact.touching",
               DAMPED)

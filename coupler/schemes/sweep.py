@@ -16,7 +16,7 @@ from coupler.scenario.options import Scheme
 from coupler.schemes.accounts import HEATS, Accounts, EnergyAccount, delivered, due, share_of, with_made
 from coupler.schemes.ledger import NO_TERMS, PREFIX
 from coupler.schemes.levels import Level, Slope, between, exchanged, geometry_at
-from coupler.schemes.state import NO_WORK, CoupledState, Halves, IterationHistory, Solved, Span, Verdict, Work
+from coupler.schemes.state import ACROSS, NO_WORK, CoupledState, Halves, IterationHistory, Solved, Span, Verdict, Work
 
 Array = NDArray[np.float64]
 Sent = Mapping[str, Mapping[str, Array]]
@@ -25,7 +25,7 @@ STORED = PREFIX + "stored."
 # Forces and motions of a body: blocks of so many values are told value by value.
 FEW = 3
 # Outputs of which a window has the largest of its substeps.
-OF_A_SUBSTEP = ("max_", "cuts", "substeps", "rejected", "residual", "iterations")
+OF_A_SUBSTEP = ("max_", "cuts", "substeps", "rejected", "residual", "iterations", ACROSS)
 
 
 class DiscardError(Exception):

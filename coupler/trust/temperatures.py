@@ -48,6 +48,12 @@ class TemperatureLog:
     node: int = -1
     t: float = 0.0
 
+    @property
+    def span(self) -> float:
+        """Of all temperatures so far, those of the data too [K]."""
+        # fault: a body that hardly warms has no span -> return self.most - self.least | coupler/test_trust_across
+        return max(self.high, self.most) - min(self.low, self.least)
+
 
 class TemperatureData:
     """The temperatures that a scene prescribes.  model : of the thermal half (model.json), SI and kelvin."""

@@ -13,7 +13,18 @@ from numpy.typing import NDArray
 from contact.half.interface import Interface
 from coupler.schemes.ledger import imbalance
 from coupler.schemes.levels import Level
-from coupler.trust import carried, equilibrium, errors, passing, penetration, rhythm, stability, tables, temperatures
+from coupler.trust import (
+    across,
+    carried,
+    equilibrium,
+    errors,
+    passing,
+    penetration,
+    rhythm,
+    stability,
+    tables,
+    temperatures,
+)
 from coupler.trust.checks import Check, measured
 from coupler.trust.errors import Looked
 
@@ -41,6 +52,7 @@ class TrustLog:
     carried: carried.CarriedLog = field(default_factory=carried.CarriedLog)
     equilibrium: equilibrium.EquilibriumLog = field(default_factory=equilibrium.EquilibriumLog)
     tables: tables.TableLog = field(default_factory=tables.TableLog)
+    across: across.AcrossLog = field(default_factory=across.AcrossLog)
     windows: int = 0
     forced: int = 0
     forced_t: float = 0.0
@@ -80,13 +92,14 @@ class TrustWatch:
 
     def after(self, log: TrustLog, levels: tuple[Level, Level], terms: Mapping[str, float], *, fresh: bool,
               forced: bool, looked: Looked | None = None, inputs: Mapping[str, float] = NO_INPUTS,
-              off_mesh: float | None = None) -> TrustLog:
+              off_mesh: float | None = None, off_across: float | None = None) -> TrustLog:
         """Return the log after a window that was taken.
 
         levels : at its start and its end.  terms : its heat, mechanism -> [J].  fresh : it begins at a kink of the
         data.  forced : it was taken though it did not converge, or its error is too large.  looked : what was seen of
         the probes; None: they are not followed.  inputs : of the thermal half in this window, besides what is
         exchanged.  off_mesh [K]: what of its temperatures the scene's mesh does not hold, where it has one of its own.
+        off_across [K]: how far surfaces differ from the one temperature behind them, where a half has but one.
         """
         before, now = levels
         if looked is not None:
@@ -99,7 +112,8 @@ class TrustWatch:
             rhythm=rhythm.watched(log.rhythm, levels, warmth.most - warmth.least, self.means(now), fresh),
             passing=self._sides.watched(log.passing, before, now),
             penetration=self._yields.watched(log.penetration, now),
-            carried=carried.watched(log.carried, off_mesh, now.t), tables=self._tables.watched(log.tables, now))
+            carried=carried.watched(log.carried, off_mesh, now.t), across=across.watched(log.across, off_across, now.t),
+            tables=self._tables.watched(log.tables, now))
 
     def wants_equilibrium(self, log: TrustLog, t: float, end: float, at_end: bool = False) -> bool:
         """Whether to ask the mechanical half for `equilibrium.OUTPUT` at t [s] of a run to `end` [s]."""
@@ -127,6 +141,7 @@ class TrustWatch:
             temperatures.check(log.temperatures, self._place(log.temperatures.node)),
             *self._tables.checks(log.tables),
             *carried.checks(log.carried, log.temperatures.most - log.temperatures.least, self._own_mesh),
+            *across.checks(log.across, log.temperatures.span),
             *rhythm.checks(log.rhythm, self._place(log.rhythm.node), self._interface.bodies),
             *passing.checks(log.passing, self._place(log.passing.node, log.passing.end), bool(self._interface.pairs),
                             self._prescribed),

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from contact.half.contact_client import ContactRefusedError
 from contact.half.interface import Interface
 from contact.half.linalg import SingularMatrixError
-from contact.half.model import Discard, Done, Link, Value, Values, Variable
+from contact.half.model import Discard, Done, Link, Outputs, Value, Values, Variable
 from contact.half.start import start_temperatures
 from thermal_fmu import phase_change
 from thermal_fmu.boundary import Heat, no_heat
@@ -25,6 +25,7 @@ from thermal_fmu.methods import DAMPED_SUBSTEPS, METHOD_NUMBERS, TimeMethod
 from thermal_fmu.newton import NotConvergedError
 from thermal_fmu.problem import parse_model
 from thermal_fmu.sources import calendar_of, factors_of
+from thermal_fmu.stations.across import T_OFF, SurfaceState, outlines_of, temperature_off
 from thermal_fmu.stations.balance import (
     StationContext,
     StationStep,
@@ -74,6 +75,7 @@ class StationHalf:
         self.variables = _variables(self._scene)
         self._named = named_heats(interface, self._scene.model)
         self._contact = self._scene.mapped(interface.contact_nodes)
+        self._outlines = outlines_of(self._scene)
 
     def start(self, inputs: Values, t: float, link: Link) -> tuple[StationState, Mapping[str, Value]]:
         """Set T = T0 everywhere; a prescribed temperature acts from the first substep.  The first x is the reference.
@@ -91,7 +93,7 @@ class StationHalf:
         points = contact_at(scene.surfaces, X, inputs, link)
         touched = touching(points, scene.model.solved)
         told = course_outputs(self._contact, scene.melting, state.s, [(t, state.s)], t, 1.0)
-        return state, self._outputs(state, no_heat(len(scene.model.bodies)), touched, None, T) | (
+        return state, self._outputs(state, no_heat(len(scene.model.bodies)), touched, None, T) | {T_OFF: 0.0} | (
             told if scene.model.elsewhere.size else {})
 
     def step(self, state: StationState, inputs: Values, t: float, h: float, link: Link) -> Done | Discard:
@@ -113,11 +115,11 @@ class StationHalf:
                  method: TimeMethod) -> Done:
         scene = self._scene
         x, s = np.array(inputs["x"], dtype=np.float64), np.array(state.s)
+        E = np.asarray(inputs.get("contact.E_friction", ()), dtype=np.float64)
         points = contact_at(scene.surfaces, x, inputs, link)
         shape = scene.mesh.shape(x)
         data = freeze_stations(scene, shape, x, np.asarray(inputs["E_M"], dtype=np.float64), points)
         if points is not None:
-            E = np.asarray(inputs["contact.E_friction"], dtype=np.float64)
             data = stations_with_friction(data, scene, points, E, phase_change.fields(scene.melting, s), h)
         # fault: mass of a rod from where it is -> substep = StationSubstep(scene, shape, shape, data) |
         #   thermal_fmu/test_thermal_rod
@@ -139,8 +141,11 @@ class StationHalf:
         done = done if jump is None else jump.then(done)
         new = StationState(done.s, state.X, event, damped, state.stored + float(done.heat.stored.sum()),
                            state.given.plus(done.heat.each), rate)
-        return Done(new, self._outputs(new, done.heat, data.touching, done,
-                                       phase_change.temperature(scene.melting, s)) | told)
+        outputs = self._outputs(new, done.heat, data.touching, done, phase_change.temperature(scene.melting, s)) | told
+        at = phase_change.fields(scene.melting, done.s)
+        surfaces = SurfaceState(x, points, context.loads_at(t + h, -1), at, E, h)
+        return Done(new, Outputs(outputs, (T_OFF,), lambda: {
+            T_OFF: temperature_off(scene, self._outlines, surfaces)}))
 
     def _shape_of(self, X: Floats) -> StationGeometry:
         if self._first is None or not np.array_equal(self._first[0], X):
@@ -171,7 +176,8 @@ def _variables(scene: StationScene) -> tuple[Variable, ...]:
     n = len(scene.interface.nodes)
     f_s = Variable("f_s", (n,), description="solid fraction at the end of the substep", on="nodes")
     melts = (f_s,) if scene.melting else ()
-    return (*face_variables(scene.interface, scene.model), *melts)
+    off = Variable(T_OFF, unit="K", description="how far surfaces differ from the one temperature behind them")
+    return (*face_variables(scene.interface, scene.model), *melts, off)
 
 
 def load_rod(interface: Interface, spec: Mapping[str, Any]) -> StationHalf:
