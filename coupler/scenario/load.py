@@ -29,6 +29,7 @@ from coupler.scenario.document import (
     read_document,
     scenario_error,
 )
+from coupler.scenario.frozen_entropy import frozen_entropy_wrong
 from coupler.scenario.mesh import mesh_path
 from coupler.scenario.notes import contact_notes, mean_T0, scaled_temperatures, sign_notes, thermal_notes
 from coupler.scenario.own_mesh import OwnMesh, own_mesh_of
@@ -288,6 +289,8 @@ def _checked(document: Document, overrides: Mapping[str, Any]) -> Scenario:
     coupling, output = None, None
     with found.each():
         coupling = coupling_of(document, file.coupling, written)
+    if (lack := frozen_entropy_wrong(file, file.coupling.scheme, ("coupling", "scheme"))) is not None:
+        found.wrong(lack.key, lack.text, lack.remedy)
     conditions = condition_outputs(written, [p.name for p in scene.interface.pairs])
     probes = probes_of(context, conditions)
     rules = rules_of(context, written, conditions, coupling.adaptive.least if coupling and coupling.adaptive else 0.0)

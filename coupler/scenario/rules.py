@@ -12,6 +12,7 @@ from contact.problem.values import did_you_mean
 from coupler.scenario import rule_model
 from coupler.scenario.conditions import ConditionOutput, is_condition, remedy, resolved
 from coupler.scenario.document import Key
+from coupler.scenario.frozen_entropy import frozen_entropy_wrong
 from coupler.scenario.problems import OWN
 from coupler.scenario.rule_model import (
     Action,
@@ -126,6 +127,8 @@ class _Reader:
             for half in HALVES:
                 if (name := getattr(spec.method, half)) is not None:
                     yield Give(half, "control.method", NewValue(to=self._method(half, name, (*key, "method", half))))
+        if (lack := frozen_entropy_wrong(self._c.file, spec.scheme, (*key, "scheme"))) is not None:
+            raise self._c.document.error(lack.key, lack.text, lack.remedy)
         if spec.scheme is not None:
             yield UseScheme(spec.scheme)
         if spec.window is not None:

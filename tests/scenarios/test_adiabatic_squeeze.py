@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from coupler import HalfError, Results, load_scenario, run
+from coupler import Results, ScenarioError, load_scenario, run
 
 E, NU, ALPHA, RHO, C, T_0 = 2e11, 0.3, 1e-4, 7800.0, 460.0, 300.0
 M, BETA = E * (1 - NU) / ((1 + NU) * (1 - 2 * NU)), E / (1 - 2 * NU) * ALPHA
@@ -56,6 +56,6 @@ def test_it_warms_at_once_and_is_stiffer_by_one_plus_delta(tmp_path: Path) -> No
     assert found.ledger["entropy"] == pytest.approx(found.ledger["stored.b"], rel=1e-10)
 
 
-def test_a_half_that_cannot_says_so_before_the_first_window(tmp_path: Path) -> None:
-    with pytest.raises(HalfError, match=r"mechanical\.elastic\.adiabatic: true"):
+def test_a_half_that_cannot_is_told_before_anything_is_built(tmp_path: Path) -> None:
+    with pytest.raises(ScenarioError, match=r"scheme: the scheme adiabatic needs .*elastic: \{adiabatic: true\}"):
         squeezed(tmp_path, **{"mechanical.elastic.adiabatic": False})

@@ -1,0 +1,34 @@
+"""The scheme `adiabatic` needs a mechanical half that can step at frozen entropy, once in a window."""
+
+from __future__ import annotations
+
+from contact.problem.errors import Wrong
+from coupler.scenario.document import Key
+from coupler.scenario.options import Scheme
+from coupler.scenario.schema import ScenarioFile
+
+
+def frozen_entropy_wrong(file: ScenarioFile, scheme: Scheme | None, key: Key) -> Wrong | None:
+    """Return why a scheme, stated at a key, cannot be run by the halves of a file; None where nothing is known.
+
+    What a half of another package can do is known once it is loaded (coupler.schemes.schemes.lacking).
+    """
+    if scheme is not Scheme.ADIABATIC:
+        return None
+    kind, elastic = file.mechanical.half, file.mechanical.elastic
+    other = "give another scheme, such as auto."
+    if kind in ("rigid", "rod"):
+        return Wrong(key, f"the scheme adiabatic holds the entropy of mechanics, which the half {kind} does not have",
+                     f"Choose mechanical.half: elastic with mechanical.elastic.adiabatic: true, or {other}")
+    # fault: the scheme adiabatic is taken from a half that cannot freeze its entropy -> if False: |
+    #   coupler/test_frozen_entropy
+    if kind == "elastic" and not (elastic is not None and elastic.adiabatic):
+        return Wrong(key, "the scheme adiabatic needs mechanics that can hold their entropy, "
+                          "mechanical.elastic.adiabatic, which is not given",
+                     f"Write mechanical: {{elastic: {{adiabatic: true}}}}, with rho and c of each material, or {other}")
+    # fault: the entropy of a window is frozen in each of its substeps -> if False: | coupler/test_frozen_entropy
+    if file.coupling.substeps.mechanical != 1:
+        return Wrong(key, f"the scheme adiabatic holds the entropy of a window's start once, and mechanics have "
+                          f"{file.coupling.substeps.mechanical} substeps in it",
+                     f"Leave coupling.substeps.mechanical at 1, or {other}")
+    return None
