@@ -10,7 +10,7 @@ from __future__ import annotations
 import difflib
 import math
 import re
-from collections.abc import Iterable
+from collections.abc import Collection, Iterable
 from typing import Annotated, Any
 
 from pydantic import AfterValidator, BeforeValidator, GetCoreSchemaHandler, WithJsonSchema
@@ -27,6 +27,11 @@ MANY = 16
 def problem(text: str, remedy: str = "", at: At = ()) -> PydanticCustomError:
     """Make the error of a wrong value, in our words.  at : where, from the place being checked downwards."""
     return PydanticCustomError("slideline", "{text}", {"text": text, "remedy": remedy, "at": at})
+
+
+def covers(words: Collection[str], path: str) -> bool:
+    """Tell whether one of the words is the path or stands above it."""
+    return any(path == word or path.startswith(f"{word}.") for word in words)
 
 
 def did_you_mean(word: str, known: Iterable[str]) -> str:

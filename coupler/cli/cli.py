@@ -62,7 +62,7 @@ VERBS = {
         "Find the cheapest model within your tolerance, and write it as a scenario."),
     "build": Verb("coupler.cli.running:build_command", solves=True, about=
         "Build the FMUs of a scenario, for use in any FMI 2.0 or 3.0 master."),
-    "verify-half": Verb("coupler.verify.verify:verify_half_command", solves=True, about=
+    "verify-half": Verb("coupler.cli.verifying:verify_half_command", solves=True, about=
         "Check a half against the interface specification: names, units, state, discards, substeps."),
     "host": Verb("coupler.cli.hosting:host_command", about=
         "Run one role for runs on other machines; --init-tls makes the certificates."),

@@ -86,6 +86,11 @@ class ProgressLine:
             self._next_line = p.fraction + 0.1
             print(self.line(p), file=self._console.file, flush=True)
 
+    def say(self, text: str, asked: bool = False) -> None:
+        """Print a line between others.  asked : even where nothing else is shown."""
+        if asked or not self._quiet:
+            self._print(text)
+
     def _print_tries(self, outcome: str) -> None:
         """Print one line on all rejected steps of a window: halving it ten times is no ten lines."""
         tries, self._tries = self._tries, []

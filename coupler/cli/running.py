@@ -6,6 +6,7 @@ import json
 from collections.abc import Callable
 from contextlib import AbstractContextManager
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -42,6 +43,7 @@ from coupler.running.run import resume, resumed, run
 from coupler.running.runlog import RunLog
 from coupler.running.setup import plan_of
 from coupler.scenario import Scenario, load_scenario
+from coupler.verify.verdicts import Verify
 
 OutOption = Annotated[Path, typer.Option("--out", "-o", help="Where the results go.")]
 
@@ -63,10 +65,10 @@ def run_command(scenario: ScenarioFile, out: OutOption = Path("run.h5"), sets: S
                 against: Annotated[bool, typer.Option(
                     "--compare", help="With --swap: run the scenario's own halves too (OUT-own.h5), and compare."
                 )] = False, within: WithinOption = "",
-                verify: Annotated[bool, typer.Option(
-                    "--verify", help="First check halves of other packages, as verify-half does; run nothing if one "
-                    "fails."
-                )] = False) -> None:
+                verify: Annotated[bool | None, typer.Option(
+                    "--verify/--no-verify", help="Check halves of other packages first, as verify-half does, even if "
+                    "they were checked before; or not at all. Default: once.", show_default=False
+                )] = None) -> None:
     """Run a scenario; write run.h5 and a .vtkhdf file for each half."""
     if against and not swaps:
         raise ScenarioError("there is nothing to compare: no half is swapped", key="--compare",
@@ -87,14 +89,10 @@ def run_command(scenario: ScenarioFile, out: OutOption = Path("run.h5"), sets: S
         typer.echo(f"{s.title}: {s.thermal_half} + {s.mechanical_half}, {count} to t = {s.coupling.end:g} s", err=True)
         for note in s.notes:
             typer.echo(f"note: {note}", err=True)
-    if verify:
-        # Here and not above: it takes as long as a short run, and most runs do without.
-        from coupler.verify.verify import refuse_broken
-
-        for words in refuse_broken(s):
-            typer.echo(words, err=True)
     with ProgressLine(s.temperature_unit, quiet=quiet, verbose=verbose) as line, RunLog(log, out) as written:
-        results = run(s, out, processes=processes, hosts=hosts, until=until, on_window=_each(line, written))
+        how = Verify.ONCE if verify is None else Verify.ANEW if verify else Verify.NEVER
+        results = run(s, out, processes=processes, hosts=hosts, until=until, on_window=_each(line, written),
+                      verify=how, on_verify=partial(line.say, asked=how is Verify.ANEW))
         written.done(results.outcome)
     if judged and results.outcome == "completed":
         with TrialLine() as trials:
@@ -119,7 +117,8 @@ def run_command(scenario: ScenarioFile, out: OutOption = Path("run.h5"), sets: S
         # fault: --quiet: the run that is compared with tells its progress -> with ProgressLine(own.temperature_unit) as
         #   line: | coupler/test_verdict
         with ProgressLine(own.temperature_unit, quiet=quiet, verbose=verbose) as line:
-            reference = run(own, own_out, processes=processes, hosts=hosts, on_window=line)
+            reference = run(own, own_out, processes=processes, hosts=hosts, on_window=line, verify=how,
+                            on_verify=partial(line.say, asked=how is Verify.ANEW))
         if not as_json:
             compare(reference, results, None, within)
         else:

@@ -29,6 +29,7 @@ from coupler.scenario.quantities import with_overrides
 from coupler.schemes.accounts import AHEAD, HEATS
 from coupler.schemes.schemes import scheme_of
 from coupler.trust.confidence import MESH, WINDOWS, ProbeConfidence
+from coupler.verify.verdicts import Verify
 
 Array = NDArray[np.float64]
 
@@ -54,7 +55,8 @@ def confidence(scenario: Scenario, results: Results, *, mesh: bool = False,
     """
     jobs = _jobs(scenario, mesh=mesh)
     companions = check_companions(scenario, mesh=mesh) if companions is None else companions
-    trials = [run_trial(c, on_window=on_trial(f"companion, {name} {factor:g}"))
+    # The run itself was checked, or left unchecked.
+    trials = [run_trial(c, on_window=on_trial(f"companion, {name} {factor:g}"), verify=Verify.KNOWN)
               for c, (name, factor) in zip(companions, jobs, strict=True)]
     order = _order(scenario, results)
     found = {}

@@ -28,6 +28,7 @@ from coupler.running.run import Run
 from coupler.scenario import Scenario
 from coupler.scenario.load import scenario_from
 from coupler.trust.checks import TrustVerdict
+from coupler.verify.verdicts import Verify
 
 # Probes and cost are all that is looked at: neither fields nor checkpoints are written.
 LEAN = {"output.fields": {"every": 1_000_000_000}, "output.checkpoint": None}
@@ -93,10 +94,11 @@ def solve(job: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def run_trial(scenario: Scenario, deadline: float = float("inf"),
-          on_window: Callable[[float], object] = lambda fraction: None) -> TrialResult:
+              on_window: Callable[[float], object] = lambda fraction: None,
+              verify: Verify = Verify.ONCE) -> TrialResult:
     """Run a scenario in one thread.
 
-    deadline : of time.monotonic().  on_window : called with the fraction that is done.
+    deadline : of time.monotonic().  on_window : called with the fraction that is done.  verify : as of Run.
     A window that cannot be solved makes a trial that failed.  Raises StoppedError.
     """
     pace: list[float] = []
@@ -104,7 +106,7 @@ def run_trial(scenario: Scenario, deadline: float = float("inf"),
     with tempfile.TemporaryDirectory(prefix="slideline-trial-") as folder:
         out, failed = Path(folder) / "run.h5", ""
         try:
-            with Run(scenario, out) as run:
+            with Run(scenario, out, verify=verify) as run:
                 since = time.process_time()
                 for window in run.windows():
                     pace.append(time.process_time() - since)
@@ -155,8 +157,8 @@ def _seconds(pace: Sequence[float]) -> float:
 FORMAT, VERSION = "slideline.trial", 3
 # Parts of the coupler that change nothing in a trial; of experiments only this file does.
 # fault: a part that no trial depends on is looked for where it was -> APART = ("study", "advise", "report", "deck",
-#   "init", "verify", "cli.py") | coupler/test_study
-APART = ("experiments", "report", "deck", "init", "verify", "cli")
+#   "init", "cli.py") | coupler/test_study
+APART = ("experiments", "report", "deck", "init", "cli")
 
 
 def sources() -> str:

@@ -150,6 +150,14 @@ def _nodes_of(place: str, interface: Interface) -> NDArray[np.integer]:
 
 # Blocks: before a half is asked for anything.
 
+def other_scene(strings: Mapping[str, str], interface: Interface) -> str:
+    """Tell of which other scene a half is, by its constant strings; "" where it is of this one, or does not say."""
+    expected = {"mesh.hash": interface.mesh_hash, "surfaces.hash": interface.surfaces_hash,
+                "geometry": interface.geometry}
+    return next((f"was built for another scene ({name} is {strings[name]}, the scenario's is {value})"
+                 for name, value in expected.items() if strings.get(name, value) != value), "")
+
+
 def wrong_blocks(role: str, blocks: Mapping[str, Block], scene: BorderScene | None) -> Iterator[Breach]:
     """Tell what of a half's description no run can use.  role : that in which it stands.  scene : None where unknown.
     """

@@ -31,7 +31,7 @@ from coupler.fmu.names import face_of
 from coupler.fmu.units import Conversion, DeclaredUnit, conversion_of, declared_units, type_units, unit_of
 from coupler.fmu.variables import Scalar, VariableBlock, gather, reference_of, stated
 
-_CACHE_VERSION = 5
+_CACHE_VERSION = 6
 _VERSION_3 = re.compile(r"3\.\d+(\.\d+)?")
 _KINDS = ("Real", "Integer", "Boolean", "String", "Enumeration")
 
@@ -41,6 +41,7 @@ class Description:
     """fmi : 2 or 3.  guid : of FMI 3.0 its instantiation token.  tool : the generator.
 
     can_save, can_serialise : FMU state.  fields : by block name, in the XML's order.
+    any_step : whether its steps may be of any length.  many : whether a process may hold several instances of it.
     """
 
     fmi: int
@@ -50,6 +51,8 @@ class Description:
     can_save: bool
     can_serialise: bool
     fields: dict[str, VariableBlock]
+    any_step: bool = True
+    many: bool = True
 
 
 def read_description(extracted: Path) -> Description:
@@ -121,11 +124,18 @@ def _parse(text: bytes, path: Path, told: dict[str, VariableBlock] | None) -> De
         return Description(
             fmi=fmi, guid=root.get("instantiationToken" if fmi == 3 else "guid", ""),
             identifier=simulation.get("modelIdentifier", ""), tool=root.get("generationTool", ""),
-            can_save=simulation.get(f"canGetAndSetFMU{state}") in ("true", "1"),
-            can_serialise=simulation.get(f"canSerializeFMU{state}") in ("true", "1"),
-            fields=_in_si(fields, declared_units(root)))
+            can_save=_is(simulation, f"canGetAndSetFMU{state}"),
+            can_serialise=_is(simulation, f"canSerializeFMU{state}"),
+            fields=_in_si(fields, declared_units(root)),
+            any_step=_is(simulation, "canHandleVariableCommunicationStepSize"),
+            many=not _is(simulation, "canBeInstantiatedOnlyOncePerProcess"))
     except ValueError as exc:
         raise HalfError(f"{path} is damaged: {exc}") from exc
+
+
+def _is(node: ElementTree.Element, flag: str) -> bool:
+    """A flag of a description; false where it is not stated, as FMI has it."""
+    return node.get(flag) in ("true", "1")
 
 
 def _fields(root: ElementTree.Element, fmi: int) -> dict[str, VariableBlock]:
@@ -191,7 +201,7 @@ def _from_json(kept: dict[str, Any]) -> Description:
         fields[block.name] = VariableBlock(block, numbers, start, variability, declared, Conversion(factor, offset),
                                            kind)
     return Description(kept["fmi"], kept["guid"], kept["identifier"], kept["tool"], kept["can_save"],
-                       kept["can_serialise"], fields)
+                       kept["can_serialise"], fields, kept["any_step"], kept["many"])
 
 
 # Unpack FMUs where their wrapper can find them again.

@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 
 from contact.half.interface import Interface
 from coupler.errors import HalfError
-from coupler.fmu.bounds import BorderScene, Breach, off_the_mesh, wrong_blocks, wrong_start, wrong_values
+from coupler.fmu.bounds import BorderScene, Breach, off_the_mesh, other_scene, wrong_blocks, wrong_start, wrong_values
 from coupler.fmu.half import Advance, Array, Block, Half, Status
 
 RETRY = 0.5  # of a step whose numbers a shorter one might mend
@@ -88,12 +88,8 @@ class HeldHalf:
 
 def check_scene(half: Half, interface: Interface) -> None:
     """Check that a half was built for this mesh, as far as it says so.  Raises HalfError."""
-    expected = {"mesh.hash": interface.mesh_hash, "surfaces.hash": interface.surfaces_hash,
-                "geometry": interface.geometry}
-    for name, value in expected.items():
-        own = half.strings.get(name, value)
-        if own != value:
-            raise HalfError(f"was built for another scene ({name} is {own}, the scenario's is {value})", half=half.name)
+    if other := other_scene(half.strings, interface):
+        raise HalfError(other, half=half.name)
 
 
 def refused(breach: Breach, h: float, seconds: float) -> Advance:

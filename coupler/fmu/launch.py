@@ -49,6 +49,7 @@ OWN_TOOL = "(Slideline)"  # how contact.half.build ends the name of the tool
 KEEP_DAYS = 30  # an FMU not used for so long is dropped from the cache
 CAP = 2_000_000_000  # bytes of the cache; beyond it those used longest ago go
 USED_LATELY = 86400.0  # s
+VERDICTS = "verdicts"  # the folder in the cache of what was found of halves (coupler.verify.verdicts)
 
 
 def known_halves() -> dict[str, EntryPoint]:
@@ -233,6 +234,10 @@ def _drop_old(cache: Path) -> None:
         with contextlib.suppress(FileNotFoundError):  # another process may be dropping it too
             if place.stat().st_mtime < limit:
                 shutil.rmtree(place, ignore_errors=True)
+    for verdict in (cache / VERDICTS).glob("*"):
+        with contextlib.suppress(FileNotFoundError):
+            if verdict.stat().st_mtime < limit:
+                verdict.unlink()
     drop_to(cache, CAP, spare=USED_LATELY)
 
 
@@ -263,9 +268,14 @@ def drop_to(cache: Path, most: float, spare: float = 0.0) -> int:
 
 
 def clear_cache(cache: Path) -> int:
-    """Drop all built halves of a cache, and what killed builders left; returns how many halves were dropped."""
+    """Drop all built halves of a cache, verdicts on halves, and what killed builders left.
+
+    Returns how many halves were dropped.
+    """
     dropped = drop_to(cache, 0.0)
-    for place in (*cache.glob(".build-*"), *cache.glob(".unpack-*")):
+    # fault: verdicts stay in a cache that is cleared -> for place in (*cache.glob(".build-*"),
+    #   *cache.glob(".unpack-*")): | coupler/test_verdicts_kept
+    for place in (*cache.glob(".build-*"), *cache.glob(".unpack-*"), cache / VERDICTS):
         shutil.rmtree(place, ignore_errors=True)
     return dropped
 
@@ -298,17 +308,19 @@ def is_foreign(fmu: Path) -> bool:
 
 @contextmanager
 def launch(scenario: Scenario, *, processes: bool, hosts: Path | None = None,
-           join: Callable[[Scenario, Mapping[str, Half]], Half] | None = None) -> Iterator[Launched]:
+           join: Callable[[Scenario, Mapping[str, Half]], Half] | None = None,
+           built: Callable[[Mapping[str, Path]], object] = lambda fmus: None) -> Iterator[Launched]:
     """Build and load both halves; close them, and end their processes, on the way out.
 
     hosts : a file that says on which machines the halves and contact run (coupler.fmu.hosts).  join : makes one thermal
     half on the scene's mesh of those by name (coupler.schemes.mapped.joined); needed by scenes that have several, or a
-    thermal mesh of its own.
+    thermal mesh of its own.  built : called with the FMUs by name before any is loaded; what it raises ends all.
     Raises HalfError naming the half that cannot be built or loaded.
     """
     with ExitStack() as stack:
         scratch = stack.enter_context(scratch_folder())
         fmus = _built(scenario, {name: scratch / name for name in scenario.halves})
+        built(fmus)
 
         def thermal(halves: Mapping[str, Half]) -> Half:
             if scenario.several is None and scenario.own_mesh is None:

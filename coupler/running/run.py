@@ -77,6 +77,7 @@ from coupler.schemes.mapped import joined
 from coupler.schemes.state import ACROSS, OFF_MESH, CoupledState
 from coupler.trust.equilibrium import OUTPUT as STABLE
 from coupler.trust.watch import TrustWatch
+from coupler.verify.verdicts import HalfVerdict, Verify, trust_rows, verdicts_of
 
 Array = NDArray[np.float64]
 
@@ -126,6 +127,8 @@ class Run:
     processes : each half and the contact service in a process of its own.
     hosts : a file that says on which machines the halves and contact run (docs/hosts.md).
     since : the checkpoint to go on from (coupler.running.run.resumed finds it).
+    verify : whether halves of other packages are checked first (docs/verify_half.md): "once", if no verdict on them
+    is known, "anew" or "never".  on_verify : called with what is checked, and with the outcome.
     Ctrl-C ends the run after the current window; a second one at once.
 
     Between windows: `monitors()` returns those of the last one tried, `change(...)` changes how the next ones are
@@ -133,11 +136,15 @@ class Run:
     """
 
     def __init__(self, scenario: Scenario, out: str | Path, *, processes: bool = False,
-                 since: Checkpoint | None = None, hosts: str | Path | None = None) -> None:
+                 since: Checkpoint | None = None, hosts: str | Path | None = None,
+                 verify: Verify | str = Verify.ONCE, on_verify: Callable[[str], None] = lambda text: None) -> None:
         self.scenario = scenario
         self.out = Path(out)
         self.processes = processes
         self.hosts = None if hosts is None else Path(hosts)
+        # A run that goes on was checked where it began, or was not.
+        self._verify, self._on_verify = Verify(verify) if since is None else Verify.KNOWN, on_verify
+        self._verdicts: tuple[HalfVerdict, ...] = ()
         self.notes: list[str] = list(scenario.notes)
         self.noticed: list[str] = []
         self.ledger = Ledger()
@@ -160,7 +167,8 @@ class Run:
         self._started = started = time.perf_counter()
         with ExitStack() as stack:
             stack.enter_context(self._interrupts)
-            loaded = stack.enter_context(launch(self.scenario, processes=self.processes, hosts=self.hosts, join=joined))
+            loaded = stack.enter_context(launch(self.scenario, processes=self.processes, hosts=self.hosts, join=joined,
+                                                built=self._verified))
             self._launched = held = held_halves(loaded, self.scenario)
             self._meter = Meter(self._since.record.seconds if self._since is not None else 0.0)
             launched = replace(held, thermal=MeteredHalf(held.thermal, "thermal", self._meter),
@@ -212,6 +220,13 @@ class Run:
         self.setup_seconds += time.perf_counter() - started
         self._started = time.perf_counter()
         return self
+
+    def _verified(self, fmus: Mapping[str, Path]) -> None:
+        """Check halves of other packages.  Raises HalfError where one breaks the interface specification."""
+        self._verdicts = verdicts_of(self.scenario, fmus, self._verify, elsewhere=self.hosts is not None,
+                                     tell=self._on_verify)
+        # fault: a half that was not checked is run without a word -> pass | coupler/test_run_verified
+        self.notes += [v.text for v in self._verdicts if v.why_not]
 
     def __exit__(self, kind: type[BaseException] | None, error: BaseException | None,
                  trace: TracebackType | None) -> None:
@@ -539,7 +554,8 @@ class Run:
         return {"seconds": self._seconds(), "setup_seconds": self.setup_seconds, "resumed_at": list(self._resumed),
                 "made": {n: a.made for n, a in self.state.accounts.items()}, "restarts": list(self._restarts),
                 "notes": [*self._warnings.at_end(self.state.now), *self.noticed],
-                "trust": [c.as_dict() for c in self._trust_watch.judged(self._trust, self.ledger.everything)],
+                "trust": [c.as_dict() for c in (*self._trust_watch.judged(self._trust, self.ledger.everything),
+                                                *trust_rows(self._verdicts))],
                 "probe_errors": self._trust_watch.probe_errors(self._trust),
                 "looks": {"windows": self._trust.errors.looked, "solves": self._trust.errors.solves},
                 # fault: what contact was asked is not in the totals -> "contact": {}, **heats} |
@@ -559,15 +575,17 @@ def _in_full(error: BaseException) -> str:
 
 def run(scenario: Scenario, out: str | Path = "run.h5", *, processes: bool = False,
         hosts: str | Path | None = None, until: float | None = None,
-        on_window: Callable[[Progress], None] | None = None) -> Results:
+        on_window: Callable[[Progress], None] | None = None,
+        verify: Verify | str = Verify.ONCE, on_verify: Callable[[str], None] = lambda text: None) -> Results:
     """Run a scenario to its end, and return its results, which are in `out`.
 
     hosts : a file that says on which machines the halves and contact run (docs/hosts.md).
+    verify, on_verify : as of Run.
     until : stop at the first window end at or after this time [s]; `slideline resume` goes on from there.
     on_window : called after every window tried.
     Raises CouplingError, HalfError; the results file then holds all accepted windows.
     """
-    with Run(scenario, out, processes=processes, hosts=hosts) as r:
+    with Run(scenario, out, processes=processes, hosts=hosts, verify=verify, on_verify=on_verify) as r:
         for progress in r.windows(until):
             if on_window is not None:
                 on_window(progress)

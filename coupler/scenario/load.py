@@ -180,6 +180,12 @@ class Scenario:
         return (*thermal, "mechanical")
 
     @property
+    def kinds(self) -> Mapping[str, str]:
+        """Each of `halves` -> the kind of half that it is: an entry point, or the path of an FMU."""
+        members = {} if self.several is None else {m.name: str(m.model["half"]) for m in self.several.members}
+        return {name: members[name] if name in members else str(self.models[name]["half"]) for name in self.halves}
+
+    @property
     def foreign(self) -> Mapping[str, bool]:
         """Role -> whether its half is of another package, or a prebuilt FMU."""
         return {role: str(model["half"]) not in OWN[role].values() for role, model in self.models.items()}

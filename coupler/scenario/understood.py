@@ -23,7 +23,7 @@ from pydantic.fields import FieldInfo
 
 from contact.problem.errors import Wrong
 from contact.problem.part import Part
-from contact.problem.values import At, did_you_mean
+from contact.problem.values import At, covers, did_you_mean
 
 CONSTANT = "UNDERSTANDS"
 OUTPUT = "understands"
@@ -86,11 +86,6 @@ def _of_value(value: Any, key: At, path: str, left_out: Collection[str]) -> Iter
 
 def _is_default(field: FieldInfo, value: Any) -> bool:
     return not field.is_required() and bool(value == field.get_default(call_default_factory=True))
-
-
-def covers(words: Collection[str], path: str) -> bool:
-    """Tell whether one of the words is the path or stands above it."""
-    return any(path == word or path.startswith(f"{word}.") for word in words)
 
 
 def left_out(role: str, problem: Part, words: Collection[str], ignore: Collection[str]) -> Iterator[Wrong]:

@@ -7,11 +7,12 @@ from collections.abc import Iterator, Mapping
 import numpy as np
 
 from coupler.errors import HalfError
-from coupler.fmu.bounds import wrong_blocks, wrong_start, wrong_values
+from coupler.fmu.bounds import other_scene, wrong_blocks, wrong_start, wrong_values
 from coupler.fmu.half import Array, Half, Status
 from coupler.fmu.names import role_of
 from coupler.verify.bench import LONG, Bench, Check, differing, first_outputs, took
 from coupler.verify.border import Finding, failed, not_applicable, passed
+from coupler.verify.needs import unmet
 from coupler.verify.physics import PHYSICS
 
 BALANCE = 1e-10  # of the sum of |terms|, as in the energy balance of a run
@@ -21,13 +22,21 @@ MANY = 20  # substeps after a restore
 
 
 def behaviour_findings(bench: Bench) -> Iterator[Finding]:
-    """Run every check in turn.  A half that raises in one fails it; the next begins with a new instance."""
-    for name, check in {**CHECKS, **PHYSICS[role_of(bench.blocks)]}.items():
+    """Run every check in turn whose needs are met.  A half that raises in one fails it; the next begins anew."""
+    for name, check in checks_of(role_of(bench.blocks)).items():
+        if (lack := unmet(name, bench)) is not None:
+            yield lack
+            continue
         try:
             yield check(bench, name)
         except HalfError as exc:
             first = str(exc).splitlines()[0]
             yield failed(name, f"it failed: {first}", "A step that cannot be made is a Discard; nothing else may fail")
+
+
+def checks_of(role: str) -> Mapping[str, Check]:
+    """Return all checks of behaviour of a role, by name, in their order."""
+    return {**CHECKS, **PHYSICS[role]}
 
 
 def same_twice(bench: Bench, check: str) -> Finding:
@@ -44,9 +53,10 @@ def same_twice(bench: Bench, check: str) -> Finding:
 
 def scene_start(bench: Bench, check: str) -> Finding:
     """Check that the half starts as its scene does: the first T is T0, the first x the mesh."""
-    if bench.scene is None:
-        return not_applicable(check, "no scene is known", "a run looks at it; here give one with --scenario")
+    assert bench.scene is not None, "needs.SCENE"
     role = role_of(bench.blocks)
+    if other := other_scene(bench.strings, bench.scene.interface):
+        return failed(check, f"it {other}", "Build it from this scene's mesh")
     if wrong := list(wrong_blocks(role, bench.blocks, bench.scene)):
         return failed(check, wrong[0].text, wrong[0].remedy)
     breach = wrong_start(role, first_outputs(bench), bench.scene)
@@ -83,8 +93,6 @@ def reading(bench: Bench, check: str) -> Finding:
 def restoring(bench: Bench, check: str) -> Finding:
     """Check that a restored half has its outputs back, and that the same substeps give the same bits."""
     with bench.half() as half:
-        if not half.can_save:
-            return _no_state(check)
         bench.step(half, 1)
         token, there = half.save(), half.read(bench.outputs)
         first = [bench.step(half, k) for k in (2, 3)]
@@ -107,8 +115,6 @@ def restoring(bench: Bench, check: str) -> Finding:
 def restoring_long(bench: Bench, check: str) -> Finding:
     """Check that 20 substeps after a restore give the bits of the 20 before it: what counts substeps is state."""
     with bench.half() as half:
-        if not half.can_save:
-            return _no_state(check)
         bench.step(half, 1)
         token = half.save()
         first = list(bench.steps(half, MANY, 2))
@@ -125,8 +131,6 @@ def restoring_long(bench: Bench, check: str) -> Finding:
 def remembers_inputs(bench: Bench, check: str) -> Finding:
     """Check that inputs set before a save hold again after the restore: only what changed is sent."""
     with bench.half() as half:
-        if not half.can_save:
-            return _no_state(check)
         bench.step(half, 1)
         token = half.save()
         given = took(half.advance(bench.h, bench.h, bench.inputs(1), bench.outputs))
@@ -143,8 +147,6 @@ def remembers_inputs(bench: Bench, check: str) -> Finding:
 def caches(bench: Bench, check: str) -> Finding:
     """Check that a new instance, with its caches empty, continues from a state of one used for 1 and 12 substeps."""
     with bench.half() as hot:
-        if not (hot.can_save and hot.can_serialise):
-            return not_applicable(check, "it cannot write its state down", "no resume of a run that stopped")
         bench.step(hot, 1)
         done = 1
         # fault: verify-half: the state of an instance that was hardly used is taken over -> for used in (1,): |
@@ -181,8 +183,6 @@ def discards(bench: Bench, check: str) -> Finding:
 def no_trace(bench: Bench, check: str) -> Finding:
     """Check that a discard changes no output, and that the restored half continues as if it had not been."""
     with bench.half() as half, bench.half() as undisturbed:
-        if not half.can_save:
-            return _no_state(check)
         bench.step(half, 1)
         token, before = half.save(), half.read(bench.outputs)
         if not _refused(bench, half):
@@ -203,8 +203,6 @@ def substeps(bench: Bench, check: str) -> Finding:
     """Check a window in one substep, in two, and in one again."""
     t, h = bench.h, bench.h
     with bench.half() as half:
-        if not half.can_save:
-            return _no_state(check)
         bench.step(half, 1)
         token = half.save()
         whole = took(half.advance(t, h, bench.inputs(2), bench.outputs))
@@ -221,8 +219,6 @@ def substeps(bench: Bench, check: str) -> Finding:
 def heat_balance(bench: Bench, check: str) -> Finding:
     """Check the half's own energy balance: the sum of heat.* without stored equals that of heat.stored.*"""
     terms = [name for name in bench.outputs if name.startswith("heat.")]
-    if not any(name.startswith("heat.stored") for name in terms):
-        return not_applicable(check, "it gives no heat terms", "the energy balance of a run does not include it")
     with bench.half() as half:
         for k in (1, 2, 3):
             values = bench.step(half, k)
@@ -266,10 +262,6 @@ def _imbalance(values: Mapping[str, Array], terms: list[str]) -> tuple[float, fl
     total = sum(-v if name.startswith("heat.stored") else v for name, v in heats.items())
     size = sum(abs(v) for v in heats.values())
     return (abs(total) / size if size else 0.0), size
-
-
-def _no_state(check: str) -> Finding:
-    return not_applicable(check, "it cannot keep its state", "no iteration, no second try of a window")
 
 
 def _some(names: list[str]) -> str:

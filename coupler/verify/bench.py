@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -22,13 +22,32 @@ LONG = 12  # substeps of what is looked at for longer
 
 
 @dataclass(frozen=True)
+class Declared:
+    """What a half says it can do.  can_save, can_serialise : FMU state.
+
+    any_step : take steps of any length.  many : be there more than once in a process.  reads : paths of its scene
+    (coupler.scenario.understood); None where it does not say.
+    """
+
+    can_save: bool = True
+    can_serialise: bool = True
+    any_step: bool = True
+    many: bool = True
+    reads: frozenset[str] | None = None
+
+
+EVERYTHING = Declared()
+
+
+@dataclass(frozen=True)
 class Bench:
     """A half on a bench.
 
     make : returns a new instance, loaded and not initialised.  h : size of a substep [s].
 
     starts : the Real inputs as a new instance has them, x as the scene has it.  blocks : all of the half's.
-    scene : it is held against; None where nobody knows.
+    scene : it is held against; None where nobody knows.  declared : what the half says it can do.
+    strings : its constant texts.
     """
 
     make: Callable[[], Half]
@@ -36,6 +55,8 @@ class Bench:
     starts: Mapping[str, Array]
     blocks: Mapping[str, Block]
     scene: BorderScene | None = None
+    declared: Declared = EVERYTHING
+    strings: Mapping[str, str] = field(default_factory=dict)
 
     @contextmanager
     def half(self) -> Iterator[Half]:
@@ -88,21 +109,23 @@ def took(done: Advance) -> dict[str, Array]:
     return done.outputs
 
 
-def settled(make: Callable[[], Half], h: float, scene: BorderScene | None = None) -> Bench:
+def settled(make: Callable[[], Half], h: float, scene: BorderScene | None = None,
+            declared: Declared = EVERYTHING) -> Bench:
     """Return a bench with a substep that the half takes three times: h, or h/2, h/4, ...  Raises HalfError.
 
-    scene : that it is held against, where it is known.
+    scene : that it is held against, where it is known.  declared : what the half says it can do; of one whose steps
+    have one length no other than h is tried.
     """
     half = make()
     try:
-        blocks = dict(half.blocks)
+        blocks, strings = dict(half.blocks), dict(half.strings)
         starts = half.read([name for name, b in blocks.items() if b.causality == "input" and b.kind == "Real"])
     finally:
         half.close()
     if scene is not None and "x" in starts and starts["x"].shape == scene.interface.nodes.shape:
         starts["x"] = start_coordinates(scene.interface)
-    for _ in range(HALVINGS):
-        bench = Bench(make, h, starts, blocks, scene)
+    for _ in range(HALVINGS if declared.any_step else 1):
+        bench = Bench(make, h, starts, blocks, scene, declared, strings)
         with bench.half() as half:
             done = [half.advance((k - 1) * h, h, bench.inputs(k), bench.outputs) for k in (1, 2, 3)]
         refused = [d.message for d in done if d.status is not Status.OK]

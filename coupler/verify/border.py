@@ -75,15 +75,16 @@ def conclusion(half: str, findings: Iterable[Finding]) -> str:
 # Checks the description of a half: role, names, units, causality, types, shapes, references.
 
 DOC = "docs/design.md lists the names"
+ROLE = "role"  # the check whose reason is the role of the half
 
 
 def description_findings(blocks: Mapping[str, Block]) -> list[Finding]:
     """Check the blocks alone, without a running half."""
     role = role_of(blocks)
     if not role:
-        return [failed("role", "of T and x it has to give out exactly one",
+        return [failed(ROLE, "of T and x it has to give out exactly one",
                        "A thermal half has the output T and the input x, a mechanical one the output x")]
-    return [passed("role", role), _needed(blocks, role), _names(blocks), _causality(blocks, role), _units(blocks),
+    return [passed(ROLE, role), _needed(blocks, role), _names(blocks), _causality(blocks, role), _units(blocks),
             _kinds(blocks), _shapes(blocks), _whole(blocks), _identity(blocks)]
 
 

@@ -1,20 +1,22 @@
 """Checks a half in a process of its own, so that one that hangs, crashes or ends the process is a row of the table.
 
-    python -m coupler.verify.child FMU SCRATCH STEP [SCENE]
+    python -m coupler.verify.child FMU SCRATCH STEP READS [SCENE]
 
 The child tells findings as lines of JSON, one as each comes, and before each call into the half what it is about to
-ask.  SCENE : a folder with interface.h5 and scene.npz.
+ask.  READS : paths of a scene that the half declares to read, as JSON; null: it declares nothing.  SCENE : a folder
+with interface.h5 and scene.npz.
 """
 
 from __future__ import annotations
 
 import json
+import math
 import os
 import selectors
 import sys
 import tempfile
 import time
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import IO, Any
 
@@ -22,8 +24,9 @@ from coupler.errors import HalfError
 from coupler.fmu.bounds import BorderScene
 from coupler.fmu.children import Child, python, reap, start
 from coupler.fmu.half import Advance, Array, Half
-from coupler.verify.border import CheckVerdict, Finding, failed
-from coupler.verify.conformance import verify_fmu
+from coupler.verify.behaviour import checks_of
+from coupler.verify.border import ROLE, CheckVerdict, Finding, failed, not_applicable
+from coupler.verify.conformance import RUNS, verify_fmu
 from coupler.verify.matter import read_scene, write_scene
 
 LIMIT = 60.0  # s a call into the half may take
@@ -33,24 +36,37 @@ FINDING, ASKING, ERROR, DONE = "finding", "asking", "error", "done"
 
 
 def findings_of(fmu: Path, scratch: Path, h: float, scene: BorderScene | None = None,
-                limit: float = LIMIT) -> Iterator[Finding]:
+                limit: float = LIMIT, *, reads: frozenset[str] | None = None,
+                most: float = math.inf) -> Iterator[Finding]:
     """Check an FMU in a child, and yield its findings one by one.  h : substep to begin with [s].
 
-    scratch : an empty folder.  limit : s a call into the half may take.  Raises HalfError where the file is no FMU.
+    scratch : an empty folder.  limit : s a call into the half may take.  reads : what its builder declares that it
+    reads of a scene; None: what the FMU itself declares.  most : s that all checks may take; those that were not made
+    by then are rows, too, which say so.  Raises HalfError where the file is no FMU.
     """
-    command = [*python(), "-m", "coupler.verify.child", str(fmu.absolute()), str(scratch), repr(h)]
+    # Here and not above: the child reads no scenario, whose import takes 0.6 s.
+    from coupler.scenario.understood import declared_in
+
+    reads = declared_in(fmu) if reads is None else reads
+    told = json.dumps(None if reads is None else sorted(reads))
+    command = [*python(), "-m", "coupler.verify.child", str(fmu.absolute()), str(scratch), repr(h), told]
     if scene is not None:
         command.append(str(write_scene(scene, scratch / "scene")))
     child = start("half", command, scratch)
     try:
-        yield from _told(child, limit)
+        yield from _told(child, limit, most)
     finally:
         reap([child])
 
 
-def _told(child: Child, limit: float) -> Iterator[Finding]:
+def _told(child: Child, limit: float, most: float) -> Iterator[Finding]:
     asking, patience, lines = "being loaded", LOAD_LIMIT, _Lines(child)
-    while (line := lines.next(patience)) != "":
+    end, role, made = time.monotonic() + most, "", set[str]()
+    while (line := lines.next(min(patience, end - time.monotonic()))) != "":
+        # fault: checks that take for ever hold up a run -> if False: | coupler/test_verify_child
+        if time.monotonic() >= end:
+            yield from _not_made(role, made, most)
+            return
         if line is None:
             late = f"it gave no answer for {patience:g} s, {asking}"
             # fault: a half that hangs passes -> return | coupler/test_verify_child
@@ -65,12 +81,21 @@ def _told(child: Child, limit: float) -> Iterator[Finding]:
         elif kind == ERROR:
             raise HalfError(word["message"])
         else:
-            yield Finding(word["check"], CheckVerdict(word["verdict"]), word["reason"], word["remedy"])
+            found = Finding(word["check"], CheckVerdict(word["verdict"]), word["reason"], word["remedy"])
+            role, made = found.reason if found.check == ROLE else role, made | {found.check}
+            yield found
     child.process.wait(LIMIT)
     log = child.log_tail()
     died = f"{child.death()}, {asking}" + (f"; it said: {log.splitlines()[-1]}" if log else "")
     # fault: a half that ends its process passes -> return | coupler/test_verify_child
     yield failed(ALIVE, died, "A half never ends its process; what fails is a Discard, or fmi2Fatal")
+
+
+def _not_made(role: str, made: Collection[str], most: float) -> Iterator[Finding]:
+    """A row for each check for which there was no time.  role : of the half; "" where it did not come so far."""
+    names = [RUNS, *(checks_of(role) if role else ())]
+    yield from (not_applicable(name, f"there was no time for it: checks may take {most:g} s before a run",
+                               "slideline verify-half takes the time it needs") for name in names if name not in made)
 
 
 class _Lines:
@@ -169,10 +194,12 @@ def main() -> None:
     # What a half prints goes to the log: its words are not ours.
     out = os.fdopen(os.dup(1), "w", encoding="utf-8")
     os.dup2(2, 1)
-    scene = read_scene(Path(sys.argv[4])) if len(sys.argv) > 4 else None
+    told = json.loads(sys.argv[4])
+    reads = None if told is None else frozenset(told)
+    scene = read_scene(Path(sys.argv[5])) if len(sys.argv) > 5 else None
     try:
         with tempfile.TemporaryDirectory(dir=scratch) as own:
-            for f in verify_fmu(fmu, Path(own), h, scene, lambda half: ToldHalf(half, out)):
+            for f in verify_fmu(fmu, Path(own), h, scene, lambda half: ToldHalf(half, out), reads):
                 _say(out, {"kind": FINDING, "check": f.check, "verdict": f.verdict.value, "reason": f.reason,
                            "remedy": f.remedy})
     except HalfError as exc:

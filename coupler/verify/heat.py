@@ -12,6 +12,7 @@ from coupler.fmu.half import Array, Status
 from coupler.verify.bench import Bench, first_outputs, took
 from coupler.verify.border import Finding, failed, not_applicable, passed
 from coupler.verify.matter import KnownScene
+from coupler.verify.needs import GIVE_SCENE
 
 SHORT = 1e-3  # of a substep
 CHANGED = 1e-6  # of the largest change: less is none
@@ -21,7 +22,6 @@ WARMED = 1.0  # K by which cells are heated
 HEAT_OFF = 0.02  # of WARMED: what conduction and films take in a short substep
 OPENED = 0.25  # of a pair's gap_max
 OF_EDGE = 0.1  # of the mean edge of its slave: not further
-WHOLE_SCENE = "give a scene that knows its materials, with --scenario"
 
 
 def takes_time(bench: Bench, check: str) -> Finding:
@@ -47,9 +47,8 @@ def answers_pressure(bench: Bench, check: str) -> Finding:
     The difference of temperature between the sides of a pair after one substep, under 10 MPa either way: conductance
     does not fall with pressure, and t_N is a pressure where it is below 0.
     """
-    t_N = bench.starts.get("contact.t_N")
-    if bench.scene is None or t_N is None:
-        return not_applicable(check, "no scene is known, or it takes no contact.t_N", "give one with --scenario")
+    t_N = bench.starts["contact.t_N"]
+    assert bench.scene is not None, "needs.SCENE"
     i, first = bench.scene.interface, first_outputs(bench)["T"]
     sides = [(np.unique(i.surfaces[pair.slave]), np.unique(i.surfaces[pair.master])) for pair in i.pairs]
     left: list[Array] = []
@@ -79,8 +78,7 @@ def answers_gap(bench: Bench, check: str) -> Finding:
 
     The difference of temperature between the sides after one substep, with the slave's body moved either way.
     """
-    if bench.scene is None or "x" not in bench.starts:
-        return not_applicable(check, "no scene is known", WHOLE_SCENE)
+    assert bench.scene is not None, "needs.SCENE"
     i, first, answered = bench.scene.interface, first_outputs(bench)["T"], False
     for pair in i.pairs:
         a, b = np.unique(i.surfaces[pair.slave]), np.unique(i.surfaces[pair.master])
@@ -120,8 +118,7 @@ def _apart(i: Interface, pair: Pair, x: Array) -> Iterator[Array]:
 def _heatable(bench: Bench) -> tuple[KnownScene, NDArray[np.integer]] | None:
     """The scene and the cells of bodies without prescribed temperatures; None where nothing takes heat."""
     scene = bench.scene
-    if not isinstance(scene, KnownScene) or "E_M" not in bench.starts:
-        return None
+    assert isinstance(scene, KnownScene), "needs.MATTER"
     given = np.unique(scene.interface.node_body[~np.isfinite(scene.T_low)])
     body = scene.cell_body
     known = np.array([np.isfinite(scene.rho_c[body == b]).all() for b in range(len(scene.interface.bodies))])
@@ -143,7 +140,7 @@ def warms(bench: Bench, check: str) -> Finding:
     """Check that heat Q raises a body by Q/(rho c V): its cells by 1 K, in so short a substep that nothing leaves."""
     found = _heatable(bench)
     if found is None:
-        return not_applicable(check, "it takes no E_M, or no body is known that is free to warm up", WHOLE_SCENE)
+        return not_applicable(check, "no body is known that is free to warm up", GIVE_SCENE)
     scene, cells = found
     of = np.zeros(len(scene.cells))
     of[cells] = (scene.rho_c * scene.volumes)[cells]
@@ -164,7 +161,7 @@ def cells_in_order(bench: Bench, check: str) -> Finding:
     """Check that what heats a cell warms its own nodes most: the first, the middle and the last that may warm up."""
     found = _heatable(bench)
     if found is None:
-        return not_applicable(check, "it takes no E_M, or no body is known that is free to warm up", WHOLE_SCENE)
+        return not_applicable(check, "no body is known that is free to warm up", GIVE_SCENE)
     scene, cells = found
     for e in np.unique(cells[[0, len(cells) // 2, -1]]):
         E = np.zeros(len(scene.cells))

@@ -11,20 +11,17 @@ from contact.half.interface import Interface
 from coupler.fmu.half import Array
 from coupler.verify.bench import MOVING, Bench, took
 from coupler.verify.border import Finding, failed, not_applicable, passed
-from coupler.verify.heat import WHOLE_SCENE
 from coupler.verify.matter import KnownScene
 
 OFF = 0.02  # of the expansion: what another material law makes of it
 STILL = 1e-3  # of the expansion: less is none
 RIGID = 1e-6  # strain of a body that moves as a whole
-NO_SUCH = "no body of the scene is known that is free to expand"
 
 
-def _free(bench: Bench) -> KnownScene | None:
-    """The scene, where it has bodies that are free to expand and the half takes T."""
-    scene = bench.scene
-    known = isinstance(scene, KnownScene) and "T" in bench.starts and bool(np.isfinite(scene.stretch).any())
-    return scene if known and isinstance(scene, KnownScene) else None
+def _free(bench: Bench) -> KnownScene:
+    """The scene, which has bodies that are free to expand."""
+    assert isinstance(bench.scene, KnownScene), "needs.FREE"
+    return bench.scene
 
 
 def _at(bench: Bench, T: Array, n: int = 1) -> Iterator[Mapping[str, Array]]:
@@ -55,8 +52,6 @@ def expands(bench: Bench, check: str) -> Finding:
     In plane strain by (1 + nu) as much.
     """
     scene = _free(bench)
-    if scene is None:
-        return not_applicable(check, NO_SUCH, WHOLE_SCENE)
     (got,) = _at(bench, scene.hot)
     looked = [b for b in _alone(scene, got) if scene.stretch[b] != 0.0]
     off = {b: _gradient(scene, b, got["x"]) - np.eye(2) for b in looked}
@@ -84,8 +79,6 @@ def _stress(scene: KnownScene, b: int, sigma: Array) -> float:
 def rigid(bench: Bench, check: str) -> Finding:
     """Check that a free body at T_ref moves as a whole, and that nothing presses across a gap."""
     scene = _free(bench)
-    if scene is None:
-        return not_applicable(check, NO_SUCH, WHOLE_SCENE)
     i = scene.interface
     for k, got in enumerate(_at(bench, scene.cold, MOVING), start=1):
         for b in _alone(scene, got):
@@ -120,8 +113,6 @@ def _past_an_end(i: Interface, got: Mapping[str, Array]) -> NDArray[np.bool_]:
 def nodes_in_order(bench: Bench, check: str) -> Finding:
     """Check that a warm node makes the cells around it grow most: an early, a middle and a late one."""
     scene = _free(bench)
-    if scene is None:
-        return not_applicable(check, NO_SUCH, WHOLE_SCENE)
     (still,) = _at(bench, scene.cold)
     before, answered = scene.areas(still["x"]), False
     nodes = np.flatnonzero(np.isfinite(scene.hot))

@@ -67,7 +67,7 @@ def built_of(text: str, folder: Path, roles: tuple[str, ...]) -> Built:
 def solve(built: Built, out: Path, monkeypatch: pytest.MonkeyPatch, **instead: Half) -> Any:
     @contextmanager
     def launched(scenario: Scenario, *, processes: bool, hosts: Path | None = None,
-                 join: object = None) -> Iterator[Launched]:
+                 join: object = None, built: object = None) -> Iterator[Launched]:
         with launch(scenario, processes=processes) as both:
             yield replace(both, **instead)
 

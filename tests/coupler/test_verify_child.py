@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import sys
 import time
 from pathlib import Path
@@ -11,11 +12,13 @@ from typer.testing import CliRunner
 
 from coupler.cli.cli import app
 from coupler.errors import HalfError
-from coupler.fmu.bounds import border_scene
+from coupler.fmu.description import with_description
 from coupler.init.templates import shipped_scenarios
 from coupler.scenario import load_scenario
+from coupler.verify.behaviour import checks_of
 from coupler.verify.border import CheckVerdict
 from coupler.verify.child import ALIVE, findings_of
+from coupler.verify.verdicts import border_of
 
 sys.path.insert(0, str(Path(__file__).parent.parent / "contact"))
 from toy_halves import HALVES, build
@@ -43,6 +46,18 @@ def test_a_half_that_does_not_come_back_is_a_row_with_what_it_was_asked(ends: st
     assert time.monotonic() - started < 120.0
 
 
+def test_what_there_is_no_time_for_is_a_row_that_was_not_made(tmp_path: Path) -> None:
+    """A half that takes long is not checked for hours before a run: what is left is told, and no failure."""
+    fmu = build(tmp_path / "half", ends="hang")
+    (tmp_path / "scratch").mkdir()
+    found = {f.check: f for f in findings_of(fmu, tmp_path / "scratch", 1.0, most=20.0)}
+    assert [f for f in found.values() if f.verdict is CheckVerdict.FAIL] == []
+    assert found["role"].verdict is CheckVerdict.PASS
+    left = {"takes substeps", *checks_of("thermal")}
+    assert {check for check, f in found.items() if "there was no time for it" in f.reason} == left
+    assert all(found[check].verdict is CheckVerdict.NOT_APPLICABLE for check in left)
+
+
 def test_the_command_ends_with_1_where_a_half_ends_the_process_with_0(tmp_path: Path) -> None:
     done = CliRunner().invoke(app, ["verify-half", str(build(tmp_path / "half", ends="exit"))])
     assert done.exit_code == 1, done.output
@@ -62,10 +77,24 @@ def test_it_is_told_the_scene(tmp_path: Path) -> None:
     """A toy of four nodes is not the half of the heated bars."""
     scene = load_scenario(shipped_scenarios() / "heated_bars.yaml")
     (tmp_path / "scratch").mkdir()
-    border = border_scene(scene.interface, scene.models["thermal"])
+    border = border_of(scene, "thermal")
     findings = {f.check: f for f in findings_of(build(tmp_path / "half"), tmp_path / "scratch", 1.0, border)}
     assert findings["starts as the scene"].verdict is CheckVerdict.FAIL
+    assert "was built for another scene (mesh.hash is " in findings["starts as the scene"].reason
+    assert [check for check, f in findings.items() if f.verdict is CheckVerdict.FAIL] == ["starts as the scene"]
+    assert findings["answers to a gap"].verdict is CheckVerdict.NOT_APPLICABLE
+
+
+def test_one_of_other_rows_that_says_no_mesh_is_told_by_its_rows(tmp_path: Path) -> None:
+    """And nothing else is asked of it, which would need arrays of the scene."""
+    scene = load_scenario(shipped_scenarios() / "heated_bars.yaml")
+    (tmp_path / "scratch").mkdir()
+    mute = with_description(build(tmp_path / "half"), lambda xml: re.sub(
+        rb'name="(mesh.hash|surfaces.hash|geometry)"', rb'name="no.\1"', xml), tmp_path / "mute.fmu")
+    findings = {f.check: f for f in findings_of(mute, tmp_path / "scratch", 1.0, border_of(scene, "thermal"))}
     assert "has shape (4, 2), but the scene has 69 rows" in findings["starts as the scene"].reason
+    assert [check for check, f in findings.items() if f.verdict is CheckVerdict.FAIL] == ["starts as the scene"]
+    assert "it is not a half of this scene" in findings["numbers that can be"].reason
 
 
 def test_what_is_no_fmu_is_an_error_of_its_own(tmp_path: Path) -> None:

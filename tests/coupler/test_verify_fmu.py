@@ -20,7 +20,7 @@ import json, sys, tempfile
 from pathlib import Path
 from coupler.verify.border import CheckVerdict
 from coupler.verify.conformance import verify_fmu
-from coupler.verify.verify import fmu_of
+from coupler.cli.verifying import fmu_of
 
 told = {}
 for word in sys.argv[1:]:

@@ -7,9 +7,9 @@ from pathlib import Path
 import pytest
 
 from contact.half.model import load_directory
+from coupler.cli.verifying import fmu_of
 from coupler.errors import ScenarioError
 from coupler.fmu.description import read_description
-from coupler.verify.verify import fmu_of
 
 BARS = Path(__file__).parents[2] / "scenarios" / "heated_bars.yaml"
 

@@ -155,7 +155,7 @@ class DirectHalf:
 
 @contextlib.contextmanager
 def launch_directly(scenario: Scenario, *, processes: bool, hosts: Path | None = None,
-                    join: object = None) -> Iterator[Launched]:
+                    join: object = None, built: object = None) -> Iterator[Launched]:
     """Load both halves of a scenario in this process; the place of coupler.fmu.launch.launch."""
     assert not processes, "halves in processes of their own are FMUs"
     with TemporaryDirectory(prefix="slideline-random-") as scratch, contextlib.ExitStack() as stack:

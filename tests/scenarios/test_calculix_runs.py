@@ -15,10 +15,10 @@ from typer.testing import CliRunner
 
 from coupler import Results, load_scenario, run
 from coupler.cli.cli import app
+from coupler.cli.verifying import fmu_of
 from coupler.running.run import resume, resumed
 from coupler.verify.border import CheckVerdict
 from coupler.verify.child import findings_of
-from coupler.verify.verify import fmu_of
 
 pytestmark = pytest.mark.skipif(shutil.which("ccx") is None, reason="CalculiX is not installed (calculix-ccx)")
 

@@ -1,4 +1,4 @@
-"""Checks one half against the interface specification: its description first, then its behaviour."""
+"""`slideline verify-half`: finds the half that is named, and prints what the checks say of it."""
 
 from __future__ import annotations
 
@@ -12,21 +12,20 @@ import typer
 from rich.console import Console
 
 from contact.problem.values import did_you_mean
-from coupler.errors import HalfError, ScenarioError
+from coupler.errors import ScenarioError
 from coupler.fmu.bind import bind
 from coupler.fmu.bounds import BorderScene
 from coupler.fmu.launch import build_half, known_halves
-from coupler.fmu.scratch import scratch_folder
 from coupler.init.templates import shipped_scenarios, templates
 from coupler.scenario import Scenario, load_scenario
-from coupler.scenario.problems import OWN, entry_of, fmu_path
+from coupler.scenario.problems import OWN, entry_of, fmu_path, understood_by
 from coupler.verify.border import (
     CheckVerdict,
     conclusion,
     table_of,
 )
 from coupler.verify.child import findings_of
-from coupler.verify.matter import known_scene
+from coupler.verify.verdicts import border_of
 
 VIOLATED = 1  # exit code where a check failed
 
@@ -48,7 +47,7 @@ def verify_half_command(half: HalfArgument, scenario: ScenarioOption = None, ste
         raise ScenarioError("a substep is longer than 0", key="--step", value=step, remedy="Give seconds")
     with tempfile.TemporaryDirectory(prefix="slideline-") as scratch:
         found = fmu_of(half, scenario, Path(scratch) / "half")
-        findings = list(findings_of(found.fmu, Path(scratch), step, found.scene))
+        findings = list(findings_of(found.fmu, Path(scratch), step, found.scene, reads=found.reads))
     Console().print(table_of(half, findings))
     typer.echo(conclusion(half, findings))
     if any(f.verdict is CheckVerdict.FAIL for f in findings):
@@ -57,10 +56,11 @@ def verify_half_command(half: HalfArgument, scenario: ScenarioOption = None, ste
 
 @dataclass(frozen=True)
 class FoundHalf:
-    """An FMU, and the scene it is for; None where nobody said."""
+    """An FMU, and the scene it is for; None where nobody said.  reads : what its builder declares to read of it."""
 
     fmu: Path
     scene: BorderScene | None
+    reads: frozenset[str] | None = None
 
 
 def fmu_of(half: str, scenario: Path | None, scratch: Path) -> FoundHalf:
@@ -84,35 +84,8 @@ def fmu_of(half: str, scenario: Path | None, scratch: Path) -> FoundHalf:
                             key="HALF", value=half, remedy=f"Say its role: {' or '.join(words)}, with --scenario"
                             if words else did_you_mean(half, installed))
     use = _scene_with(half, scenario)
-    return FoundHalf(build_half(use.scene.write_half(use.role, scratch), scratch), _border(use.scene, use.role))
-
-
-def refuse_broken(scenario: Scenario) -> list[str]:
-    """Check the halves of other packages in a scene before it runs; return what was checked, in words.
-
-    The first substep is the scene's first window.  Raises HalfError with all rows that fail, of all of them.
-    """
-    c = scenario.coupling
-    step = c.adaptive.first if c.adaptive is not None else min(c.windows[0].first, c.end)
-    wrong, checked = [], []
-    for name in scenario.halves:
-        role = name.partition(".")[0]
-        with scratch_folder() as scratch:
-            kind = scenario.write_half(name, scratch / "half")
-            if kind in OWN[role].values():
-                continue
-            bound = bind(scenario, role, Path(kind), scratch / "bound.fmu") if name in OWN else kind
-            fmu = build_half(str(bound), scratch / "half")
-            (scratch / "verify").mkdir()
-            border = _border(scenario, role) if name in OWN else None
-            findings = list(findings_of(fmu, scratch / "verify", step, border))
-        rows = [f for f in findings if f.verdict is CheckVerdict.FAIL]
-        checked.append(f"{name} half: {conclusion(kind, findings)}")
-        # fault: run --verify: a half that breaks the specification is run -> rows = [] | coupler/test_run_verified
-        wrong += [f"{name} half {kind}: {f.check}: {f.reason}. {f.remedy}" for f in rows]
-    if wrong:
-        raise HalfError("nothing was run, for the interface specification is violated:\n" + "\n".join(wrong))
-    return checked
+    return FoundHalf(build_half(use.scene.write_half(use.role, scratch), scratch), border_of(use.scene, use.role),
+                     understood_by(half, use.scene.file.parent))
 
 
 def _swapped(role: str, kind: str, scenario: Path | None, scratch: Path) -> FoundHalf:
@@ -125,21 +98,16 @@ def _swapped(role: str, kind: str, scenario: Path | None, scratch: Path) -> Foun
     scene = load_scenario(scenario, overrides={f"{role}.half": kind})
     if fmu_path(kind, scene.file.parent) is not None:
         return _in_scene(Path(str(scene.models[role]["half"])), scene, scratch)
-    return FoundHalf(build_half(scene.write_half(role, scratch), scratch), _border(scene, role))
+    return FoundHalf(build_half(scene.write_half(role, scratch), scratch), border_of(scene, role),
+                     understood_by(scene.kinds[role], scene.file.parent))
 
 
 def _in_scene(fmu: Path, scene: Scenario, scratch: Path) -> FoundHalf:
     """An FMU that lies ready, in a scene: with the names that the scene binds, where it is a half of it."""
     for role, kind in (("thermal", scene.thermal_half), ("mechanical", scene.mechanical_half)):
         if kind == str(fmu.resolve()):
-            return FoundHalf(bind(scene, role, fmu, scratch / "bound.fmu"), _border(scene, role))
-    return FoundHalf(fmu, _border(scene, ""))
-
-
-def _border(scene: Scenario, role: str) -> BorderScene:
-    interface = scene.thermal_interface if role == "thermal" else scene.interface
-    return known_scene(interface, scene.models["thermal"], scene.models["mechanical"],
-                       () if scene.stated is None else scene.stated.thermal.boundary)
+            return FoundHalf(bind(scene, role, fmu, scratch / "bound.fmu"), border_of(scene, role))
+    return FoundHalf(fmu, border_of(scene, ""))
 
 
 @dataclass(frozen=True)
