@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from coupler.errors import ScenarioError
 from coupler.experiments.grid import setting_at
-from coupler.experiments.trial import LEAN, TrialResult, run_trial
+from coupler.experiments.trial import LEAN, TrialResult, probe_of, run_trial
 from coupler.record.results import Results
 from coupler.scenario import Scenario
 from coupler.scenario.document import document_from
@@ -101,7 +101,7 @@ def _order(scenario: Scenario, results: Results) -> int:
 
 def by_windows(name: str, results: Results, coarser: Sequence[TrialResult], order: int) -> ProbeConfidence:
     """Return what companions in windows of 2 H and 4 H tell of a probe.  order : that it should have."""
-    t, fine = results.probe(name)
+    t, fine = probe_of(results, name)
     span = float(fine.max() - fine.min())
     failed = next((c.failed for c in coarser if c.failed), "")
     if failed:
@@ -138,7 +138,7 @@ def _between(t: Array, ends: Array, error: Array) -> Array:
 
 def with_mesh(error: ProbeConfidence, name: str, results: Results, coarser: TrialResult) -> ProbeConfidence:
     """Return the error with that of the mesh added: the whole difference, as if it were of first order."""
-    t, fine = results.probe(name)
+    t, fine = probe_of(results, name)
     if coarser.failed:
         return ProbeConfidence(f"{error.by} and {MESH}", np.full(len(t), math.nan), error.order, error.expected,
                                error.range, error.unit, coarser.failed)

@@ -14,7 +14,7 @@ from scipy.interpolate import PchipInterpolator
 
 from contact.problem.values import did_you_mean
 from coupler.errors import ResultsError, ScenarioError
-from coupler.experiments.trial import TrialResult
+from coupler.experiments.trial import TrialResult, probe_of
 from coupler.record.results import Results
 
 Array = NDArray[np.float64]
@@ -106,7 +106,7 @@ class _Series:
 
 def _results(path: Path) -> _Series:
     results = Results(path)
-    return _Series(results.t, {name: results.probe(name)[1] for name in results.probe_names})
+    return _Series(results.t, {name: probe_of(results, name)[1] for name in results.probe_names})
 
 
 def _table(path: Path) -> _Series:

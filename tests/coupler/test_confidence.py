@@ -18,7 +18,7 @@ from coupler.cli.cli import app
 from coupler.errors import ScenarioError
 from coupler.experiments import confidence as experiments
 from coupler.experiments.confidence import by_windows, check_companions, confidence
-from coupler.experiments.trial import TrialResult
+from coupler.experiments.trial import TrialResult, probe_of
 from coupler.record.confidence import write_confidence
 from coupler.report.curves import probe_pictures
 from coupler.scenario.load import scenario_from
@@ -109,6 +109,23 @@ def test_what_a_first_window_did_is_told_though_it_has_died_out_at_the_end_of_th
         assert 0.1126 / 2.0 < found.share < 2.0 * 0.1126
         assert found.error[0] == 0.0
         assert found.error[1] > 0.9 * found.share * found.range, "at the end of the first window"
+
+
+def test_a_gap_is_compared_where_it_faces_something():
+    """A block that slid off another has no gap any more; until then its error is what it is."""
+    t = np.linspace(0.0, 1.0, 101)
+    gap = np.where(t > 0.8, math.nan, 1e-3 * (1.0 + t))
+
+    def off_by(share: float, every: int) -> TrialResult:
+        run_ = Told(t[::every], gap[::every] * (1.0 + share))
+        return TrialResult(t=run_.t.tolist(), probes={"gap": probe_of(run_, "gap")[1].tolist()}, units={"gap": "m"})
+
+    found = by_windows("gap", Told(t, gap), [off_by(1e-3, 2), off_by(3e-3, 4)], 1)
+    assert np.isfinite(found.error).all()
+    assert found.order == pytest.approx(1.0, abs=0.05)
+    assert found.error.max() == pytest.approx(1.8e-6, rel=0.05)
+    assert probe_of(Told(t, np.full(101, math.nan)), "gap")[1].tolist() == [0.0] * 101
+    assert probe_of(Told(t[:4], np.array([math.nan, 2.0, math.nan, 3.0])), "gap")[1].tolist() == [0.0, 2.0, 2.0, 3.0]
 
 
 def test_companions_are_built_once(tmp_path, monkeypatch):
