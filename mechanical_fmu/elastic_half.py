@@ -44,7 +44,7 @@ from mechanical_fmu.named_forces import ForcesAt
 from mechanical_fmu.newton import Equilibrium, NoEquilibriumError, SolverSettings
 from mechanical_fmu.problem import METHODS, parse_elastic, parse_foreign
 from mechanical_fmu.program import MechanicalProgram
-from mechanical_fmu.stress_outputs import Moved, stress_outputs, stress_variables
+from mechanical_fmu.stress_outputs import Moved, mesh_variables, stress_outputs, stress_variables
 from mechanical_fmu.system import ForceBalance, Loading, System, system_of
 from mechanical_fmu.tangent import MAX_SURFACE_DOFS, StiffnessAnchor, refuse_loose, refuse_unheld
 from mechanical_fmu.unstable import unstable_outputs, unstable_variables
@@ -148,7 +148,7 @@ def elastic_variables(system: System) -> tuple[Variable, ...]:
     # Who reads what lies near reads what is costly by the way, so that is the last.
     return (*inputs, *outputs, *(contact_variables(n_q, system.contact.slips, with_status=True,
                                                    tied=system.contact.tied is not None) if n_q else ()),
-            *unstable_variables(system))
+            *mesh_variables(system), *unstable_variables(system))
 
 
 def damps(system: System) -> bool:

@@ -1,4 +1,4 @@
-"""Stress and strain after a step: means of cells, worked out when somebody asks for them."""
+"""Stress and strain after a step, and what the mesh misses of it, worked out when somebody asks for them."""
 
 from __future__ import annotations
 
@@ -10,6 +10,8 @@ from numpy.typing import NDArray
 
 from contact.half.model import Outputs, Value, Variable
 from mechanical_fmu.advance import StepDrive, StepResult
+from mechanical_fmu.material import Moduli
+from mechanical_fmu.recovery import missed_energy
 from mechanical_fmu.system import Loading, System
 from mechanical_fmu.volume import PointStep, von_mises
 
@@ -43,23 +45,47 @@ def stress_variables(system: System) -> tuple[Variable, ...]:
             *(hoop if system.interface.axisymmetric else ()), *strains)
 
 
+def mesh_variables(system: System) -> tuple[Variable, ...]:
+    """List what is told of the mesh, of each body with cells that this half solves itself."""
+    if not system.volume.tells_stress or system.program is not None:
+        return ()
+    told = (("missed", "strain energy that the mesh of the body misses, estimated"),
+            ("energy", "strain energy of the body's stress"))
+    return tuple(Variable(f"mesh.{what}.{name}", unit="J", description=text)
+                 for name in _bodies_with_cells(system) for what, text in told)
+
+
+def _bodies_with_cells(system: System) -> dict[str, int]:
+    bodies = {int(b) for cells in system.volume.kinds for b in np.unique(cells.body)}
+    return {system.interface.bodies[b]: b for b in sorted(bodies)}
+
+
 def stress_outputs(system: System, found: StepResult, moved: Moved) -> Outputs:
     """Give stress [Pa] and strain [1] at the end of a step, and the largest change of strain over it.
 
     Of elastic bodies when they are asked for.  Points with a history may fail at it, and then the step has to.
     """
-    of = partial(_stresses, system, found, moved)
     if not system.volume.elastic:
-        return Outputs(of())
+        return _stresses(system, found, moved)
     # What is kept until then is to be small.
     of = partial(_stresses, system, replace(found, balance=replace(found.balance, entries=None, tractions=None)), moved)
-    return Outputs({}, tuple(v.name for v in stress_variables(system)), of)
+    return Outputs({}, tuple(v.name for v in (*stress_variables(system), *mesh_variables(system))), of)
 
 
-def _stresses(system: System, found: StepResult, moved: Moved) -> dict[str, Value]:
+def _of_mesh(system: System, stress: list[Floats], moduli: tuple[Moduli, ...]) -> dict[str, Value]:
+    """What mesh_variables lists [J].  stress : (n_e, nq, 4) [Pa] of each kind."""
+    volume = system.volume
+    n_nodes = max((int(cells.nodes.max()) for cells in volume.kinds), default=-1) + 1
+    missed, energy = missed_energy(volume.kinds, stress, moduli, n_nodes, len(system.interface.bodies))
+    return {f"mesh.{what}.{name}": float(of[b]) for name, b in _bodies_with_cells(system).items()
+            for what, of in (("missed", missed), ("energy", energy))}
+
+
+def _stresses(system: System, found: StepResult, moved: Moved) -> Outputs:
     """(n_cells, 4) stress [Pa] and strain [1], 11, 22, 12, 33, and (n_cells,) von Mises stress [Pa], means in a cell.
 
     And the largest change of a Green-Lagrange component over the step, each end by the history and moduli of its own.
+    What is told of the mesh waits until it is asked for.
     """
     volume, moduli = system.volume, moved.loading.moduli
     # At its end a history knows all stresses but a liquid's, which is of the rate and needs the last piece itself.
@@ -84,4 +110,5 @@ def _stresses(system: System, found: StepResult, moved: Moved) -> dict[str, Valu
         # fault: the axial stress is told as the hoop stress -> out["sigma_hoop"] = sigma[:, 1].copy() |
         #   mechanical_fmu/test_fields
         out["sigma_hoop"] = sigma[:, 3].copy()
-    return out
+    return Outputs(out, tuple(v.name for v in mesh_variables(system)),
+                   partial(_of_mesh, system, [stress for stress, _ in now], moduli))

@@ -18,6 +18,7 @@ from coupler.trust import (
     carried,
     equilibrium,
     errors,
+    mesh,
     passing,
     penetration,
     rhythm,
@@ -53,6 +54,7 @@ class TrustLog:
     equilibrium: equilibrium.EquilibriumLog = field(default_factory=equilibrium.EquilibriumLog)
     tables: tables.TableLog = field(default_factory=tables.TableLog)
     across: across.AcrossLog = field(default_factory=across.AcrossLog)
+    mesh: mesh.MeshLog = field(default_factory=mesh.MeshLog)
     windows: int = 0
     forced: int = 0
     forced_t: float = 0.0
@@ -123,6 +125,10 @@ class TrustWatch:
         """Return the log after the mechanical half told at t [s] in how many directions its equilibrium is unstable."""
         return replace(log, equilibrium=equilibrium.watched(log.equilibrium, directions, t))
 
+    def looked_at_mesh(self, log: TrustLog, told: Mapping[str, float], t: float) -> TrustLog:
+        """Return the log after a look at what the mesh misses at t [s].  told : outputs by name (mesh.py) [J]."""
+        return replace(log, mesh=mesh.watched(log.mesh, told, t))
+
     def mended(self, log: TrustLog, found: stability.Mended, t: float, H: float) -> TrustLog:
         """Return the log after a window of H to t [s] was put back because the exchange rings in it."""
         return replace(log, stability=stability.mended(log.stability, found, t, H),
@@ -141,6 +147,7 @@ class TrustWatch:
             temperatures.check(log.temperatures, self._place(log.temperatures.node)),
             *self._tables.checks(log.tables),
             *carried.checks(log.carried, log.temperatures.most - log.temperatures.least, self._own_mesh),
+            *mesh.checks(log.mesh),
             *across.checks(log.across, log.temperatures.span),
             *rhythm.checks(log.rhythm, self._place(log.rhythm.node), self._interface.bodies),
             *passing.checks(log.passing, self._place(log.passing.node, log.passing.end), bool(self._interface.pairs),

@@ -1,0 +1,71 @@
+"""How far a mesh is from one that resolves the stress of its bodies, by the strain energy that it misses.
+
+A half that knows its stress estimates that energy (outputs mesh.missed.BODY and mesh.energy.BODY [J]).  The error in
+the energy norm, sqrt(missed/(missed + energy)), is held against limits at which displacements under given forces,
+whose error goes with its square, are off by about 4 % and 20 %.  Of each body the largest of either energy over the
+run counts: at the end of unloading little of both is left.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field
+
+from coupler.trust.checks import Check, measured
+
+LIMITS = (0.2, 0.4)  # in the energy norm: noted, broken
+SMALL = 0.01  # a body with less than this share of the strain energy of the scene bears nothing
+NAME = "cells fine enough for stress"
+MISSED, ENERGY = "mesh.missed.", "mesh.energy."
+
+
+def mesh_outputs(blocks: Iterable[str]) -> list[str]:
+    """Return the outputs of a half that tell of its mesh.  blocks : names of all it has."""
+    names = set(blocks)
+    bodies = sorted(n.removeprefix(ENERGY) for n in names if n.startswith(ENERGY))
+    return [what + body for body in bodies if MISSED + body in names for what in (MISSED, ENERGY)]
+
+
+@dataclass(frozen=True)
+class MeshLog:
+    """missed, energy : body -> the largest so far [J].  t : body -> when the mesh missed most [s]."""
+
+    missed: Mapping[str, float] = field(default_factory=dict)
+    energy: Mapping[str, float] = field(default_factory=dict)
+    t: Mapping[str, float] = field(default_factory=dict)
+
+
+def watched(log: MeshLog, told: Mapping[str, float], t: float) -> MeshLog:
+    """Return the log after a look at t [s].  told : outputs by name [J]."""
+    missed, energy, when = dict(log.missed), dict(log.energy), dict(log.t)
+    for name, value in told.items():
+        if name.startswith(ENERGY):
+            body = name.removeprefix(ENERGY)
+            # fault: what a body bore before it was unloaded is forgotten -> energy[body] = value |
+            #   coupler/test_trust_mesh
+            energy[body] = max(value, energy.get(body, 0.0))
+        elif value >= missed.get(body := name.removeprefix(MISSED), 0.0):
+            missed[body], when[body] = value, t
+    return MeshLog(missed, energy, when)
+
+
+def checks(log: MeshLog) -> tuple[Check, ...]:
+    """Return the check at the end, none where no half tells of its mesh."""
+    if not log.energy:
+        return ()
+    total = sum(log.energy.values())
+    # fault: a body that bears nothing is held against itself -> bearing = [b for b, J in log.energy.items() if J > 0.0]
+    #   | coupler/test_trust_mesh
+    bearing = [b for b, J in log.energy.items() if SMALL * total < J]
+    norms = {b: math.sqrt(log.missed[b] / (log.missed[b] + log.energy[b])) for b in bearing}
+    worst = max(norms, key=lambda b: norms[b], default="")
+    # fault: what a mesh misses is not told -> norm = 0.0 | coupler/test_trust_mesh
+    norm = norms.get(worst, 0.0)
+    more = max(2, math.ceil(norm / LIMITS[0]))
+    return (measured(
+        NAME, norm, LIMITS, t=log.t.get(worst, 0.0),
+        what=f"the mesh of {worst} misses about {100 * norm**2:.3g} % of the strain energy, so it is about as much too "
+             f"stiff, and its stress is off by some {100 * norm:.3g} %, at t = {log.t.get(worst, 0.0):.6g} s",
+        remedy=f"Use {more} times as many cells along each edge of the body, or where its stress changes most; where "
+               "it bends, mechanical.elastic.element: enhanced"),)
