@@ -133,9 +133,9 @@ def border_scene(interface: Interface, thermal: Mapping[str, Any],
     return BorderScene(interface, low, high, 0.0 if lowest > 0.0 else -np.inf)
 
 
-def scenario_border(scenario: Scenario, role: str = "mechanical") -> BorderScene:
-    """Return the scene of a role in a scenario: the thermal half may have a mesh of its own."""
-    interface = scenario.thermal_interface if role == "thermal" else scenario.interface
+def scenario_border(scenario: Scenario, role: str = "") -> BorderScene:
+    """Return the scene as a half sees it.  role : of one that may have a mesh of its own; "": on the scene's mesh."""
+    interface = scenario.interface_of(role)
     stated = () if scenario.stated is None else scenario.stated.thermal.boundary
     return border_scene(interface, scenario.models["thermal"], stated)
 

@@ -308,13 +308,14 @@ def is_foreign(fmu: Path) -> bool:
 
 @contextmanager
 def launch(scenario: Scenario, *, processes: bool, hosts: Path | None = None,
-           join: Callable[[Scenario, Mapping[str, Half]], Half] | None = None,
+           join: Callable[[Scenario, str, Mapping[str, Half]], Half] | None = None,
            built: Callable[[Mapping[str, Path]], object] = lambda fmus: None) -> Iterator[Launched]:
     """Build and load both halves; close them, and end their processes, on the way out.
 
-    hosts : a file that says on which machines the halves and contact run (coupler.fmu.hosts).  join : makes one thermal
-    half on the scene's mesh of those by name (coupler.schemes.mapped.joined); needed by scenes that have several, or a
-    thermal mesh of its own.  built : called with the FMUs by name before any is loaded; what it raises ends all.
+    hosts : a file that says on which machines the halves and contact run (coupler.fmu.hosts).  join : makes the half
+    of a role, one and on the scene's mesh, of those by name (coupler.schemes.mapped.joined); needed by scenes that have
+    several, or a half with a mesh of its own.  built : called with the FMUs by name before any is loaded; what it
+    raises ends all.
     Raises HalfError naming the half that cannot be built or loaded.
     """
     with ExitStack() as stack:
@@ -322,11 +323,11 @@ def launch(scenario: Scenario, *, processes: bool, hosts: Path | None = None,
         fmus = _built(scenario, {name: scratch / name for name in scenario.halves})
         built(fmus)
 
-        def thermal(halves: Mapping[str, Half]) -> Half:
-            if scenario.several is None and scenario.own_mesh is None:
-                return halves["thermal"]
+        def of_role(role: str, halves: Mapping[str, Half]) -> Half:
+            if role not in scenario.own_meshes and (role != "thermal" or scenario.several is None):
+                return halves[role]
             assert join is not None, "several halves in a role, and one on a mesh of its own, are launched with a join"
-            return join(scenario, halves)
+            return join(scenario, role, halves)
 
         # fault: a foreign binary runs in the coupler's own process -> if processes: | coupler/test_foreign_binary
         if processes or hosts is not None or any(is_foreign(fmu) for fmu in fmus.values()):
@@ -339,14 +340,15 @@ def launch(scenario: Scenario, *, processes: bool, hosts: Path | None = None,
                                                       restarts=scenario.coupling.restart,
                                                       hosts=None if hosts is None else read_hosts(hosts, tuple(fmus))))
             remote = hosted.halves
-            yield Launched(thermal(remote), remote["mechanical"], hosted.contact_link, hosted.asked, hosted.restarts,
+            yield Launched(of_role("thermal", remote), of_role("mechanical", remote), hosted.contact_link,
+                           hosted.asked, hosted.restarts,
                            lambda: {n: half.at for n, half in remote.items() if half.at is not None}, hosted.recover)
             return
         halves = {}
         for name, fmu in fmus.items():
             halves[name] = load_half(fmu, None, name, past_lists=True)
             stack.callback(halves[name].close)
-        yield Launched(thermal(halves), halves["mechanical"], scenario.coupling.link)
+        yield Launched(of_role("thermal", halves), of_role("mechanical", halves), scenario.coupling.link)
 
 
 def _built(scenario: Scenario, folders: Mapping[str, Path], fmi: int = 2) -> dict[str, Path]:

@@ -35,8 +35,8 @@ def check_one_system(scenario: Scenario, fmi: int) -> None:
             (fmi != 2, "SSP 1.0 knows no arrays", "Leave --fmi 3 out"),
             (scenario.several is not None, "several thermal halves iterate heat between them in each step",
              "Leave thermal.halves out"),
-            (scenario.own_mesh is not None, "what goes between two meshes is mapped by the coupler",
-             "Leave thermal.meshes out")):
+            (bool(scenario.own_meshes), "what goes between two meshes is mapped by the coupler",
+             " and ".join(f"Leave {role}.meshes out" for role in scenario.own_meshes))):
         if wrong:
             raise ScenarioError(f"no system of two FMUs can be written: {why}", key="--ssp", remedy=remedy)
 

@@ -26,7 +26,7 @@ UNSEEN = 1e-5  # of the size of what is solved for: what solvers leave over, whi
 HOW = ("title", "coupling", "output", "probes", "rules", "thermal.half", "thermal.options", "thermal.ignore",
        "thermal.meshes", "thermal.method", "thermal.theta", "thermal.adaptive", "thermal.increments",
        "thermal.tolerance",
-       "mechanical.half", "mechanical.options", "mechanical.ignore", "mechanical.elastic.method",
+       "mechanical.half", "mechanical.options", "mechanical.ignore", "mechanical.meshes", "mechanical.elastic.method",
        "mechanical.elastic.tolerance", "mechanical.elastic.cuts", "mechanical.elastic.element",
        "mechanical.elastic.skip")
 MESH = ".mesh.rectangle.cells"

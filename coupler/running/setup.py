@@ -40,9 +40,13 @@ def held_halves(launched: Launched, scenario: Scenario) -> Launched:
     for half in (launched.thermal, launched.mechanical):
         check_scene(half, scenario.interface)
     scene = scenario_border(scenario)
-    # One on a mesh of its own is held to that (coupler.schemes.mapped).
-    thermal = launched.thermal if scenario.own_mesh is not None else HeldHalf(launched.thermal, "thermal", scene)
-    return replace(launched, thermal=thermal, mechanical=HeldHalf(launched.mechanical, "mechanical", scene))
+
+    def held(role: str, half: Half) -> Half:
+        # One on a mesh of its own is held to that (coupler.schemes.mapped).
+        return half if role in scenario.own_meshes else HeldHalf(half, role, scene)
+
+    return replace(launched, thermal=held("thermal", launched.thermal),
+                   mechanical=held("mechanical", launched.mechanical))
 
 
 def check_halves(thermal: Half, mechanical: Half, scenario: Scenario) -> None:

@@ -77,7 +77,7 @@ class Scenario:
     starts : what bodies took over from other runs.
     stated : what the file states, checked; materials, bodies, contact and halves in SI.
     recordings : role -> what a half `replay` plays.
-    own_mesh : of the thermal half, None where it has that of the scene.
+    own_meshes : role -> the mesh of its half's own; without those that have the scene's.
     units : of the file's plain numbers where they are not SI; None where they are.
     """
 
@@ -100,7 +100,7 @@ class Scenario:
     stated: ScenarioFile | None = None
     conditions: Mapping[str, ConditionOutput] = field(default_factory=dict)
     recordings: Mapping[str, TakenRecording] = field(default_factory=dict)
-    own_mesh: OwnMesh | None = None
+    own_meshes: Mapping[str, OwnMesh] = field(default_factory=dict)
     units: UnitSystem | None = None
 
     def __repr__(self) -> str:
@@ -122,9 +122,9 @@ class Scenario:
         """What a user should know though it is no error: conditions moved to a node, bodies that overlap, pairs that
         face nothing, laws that do not join, radiation that is missing or counted twice, numbers of unlikely size."""
         found = [*self.version_notes, *(start.note for start in self.starts.values())]
-        found += () if self.own_mesh is None else self.own_mesh.notes
+        found += [note for own in self.own_meshes.values() for note in own.notes]
         for role, model in self.models.items():
-            mesh = self.thermal_interface if role == "thermal" else self.interface
+            mesh = self.interface_of(role)
             for boundary in model.get("boundary", ()):
                 name = str(boundary.get("at", ""))
                 if name.endswith(NEAREST):
@@ -149,7 +149,7 @@ class Scenario:
     @property
     def mesh_notes(self) -> tuple[str, ...]:
         """Where the meshes let temperatures leave their data; it takes a look at every cell."""
-        return tuple(sign_notes(self.thermal_interface, self.models["thermal"]))
+        return tuple(sign_notes(self.interface_of("thermal"), self.models["thermal"]))
 
     @property
     def thermal_half(self) -> str:
@@ -166,12 +166,11 @@ class Scenario:
         """How the bodies are divided among several thermal halves; None where there is one."""
         if self.stated is None:
             return None
-        return several_of(self.stated.thermal, self.thermal_interface, self.models["thermal"])
+        return several_of(self.stated.thermal, self.interface_of("thermal"), self.models["thermal"])
 
-    @property
-    def thermal_interface(self) -> Interface:
-        """What the thermal half is built from: `interface`, or that of its own mesh."""
-        return self.interface if self.own_mesh is None else self.own_mesh.interface
+    def interface_of(self, role: str) -> Interface:
+        """Return what the half of a role is built from: `interface`, or that of its own mesh."""
+        return self.own_meshes[role].interface if role in self.own_meshes else self.interface
 
     @property
     def halves(self) -> tuple[str, ...]:
@@ -197,8 +196,8 @@ class Scenario:
         """
         members = () if self.several is None else self.several.members
         found = [(m.interface, m.model) for m in members if m.name == name]
-        whole = self.thermal_interface if name == "thermal" else self.interface
-        interface, told = found[0] if found else (with_recording(whole, self.recordings.get(name)), self.models[name])
+        interface, told = found[0] if found else (
+            with_recording(self.interface_of(name), self.recordings.get(name)), self.models[name])
         directory.mkdir(parents=True, exist_ok=True)
         write_interface(interface, directory / "interface.h5")
         model = json.dumps(told, indent=1, allow_nan=False)
@@ -287,9 +286,10 @@ def _checked(document: Document, overrides: Mapping[str, Any]) -> Scenario:
     convert = ToSI(document, file.units.temperature.value, file.signals, found.wrong)
     stated = in_si(file, convert)
     scene = scene_of(document, stated, found)
-    own_mesh = own_mesh_of(document, stated, scene, found)
+    meshed = {role: own_mesh_of(document, stated, scene, role, found) for role in OWN}
+    own_meshes = {role: own for role, own in meshed.items() if own is not None}
     context = Context(document, stated, convert, scene, found)
-    problems = problems_of(context, scene.interface if own_mesh is None else own_mesh.interface)
+    problems = problems_of(context, {role: own.interface for role, own in own_meshes.items()})
     written = {role: problem.plain() for role, problem in problems.items()}
     recordings = recordings_of(document, file, scene.interface, found)
     coupling, output = None, None
@@ -325,7 +325,7 @@ def _checked(document: Document, overrides: Mapping[str, Any]) -> Scenario:
         starts=_taken(scene) | recordings,
         stated=stated,
         recordings=recordings,
-        own_mesh=own_mesh,
+        own_meshes=own_meshes,
         units=document.system,
     )
 
@@ -360,17 +360,17 @@ def in_si(file: ScenarioFile, convert: ToSI) -> ScenarioFile:
         "mechanical": file.mechanical.model_copy(update=blocks)})
 
 
-def problems_of(c: Context, thermal_mesh: Interface) -> dict[str, Part]:
-    """What each half is told, by role; what is wrong with it is noted.  thermal_mesh : that of the thermal half."""
+def problems_of(c: Context, own: Mapping[str, Interface]) -> dict[str, Part]:
+    """What each half is told, by role; what is wrong with it is noted.  own : role -> the mesh of its half's own."""
     file = c.file
     kinds = {"thermal": file.thermal.half, "mechanical": file.mechanical.half}
     for role, kind in kinds.items():
         with c.found.each():
             check_kind(c.document, role, kind)
     stated = Stated(file, c.interface, c.convert.unit, c.convert.offset, c.document.path.parent)
-    seen = {"thermal": replace(stated, interface=thermal_mesh), "mechanical": stated}
+    seen = {role: replace(stated, interface=own.get(role, c.interface)) for role in kinds}
     problems = {role: problem_of(seen[role], role, kind) for role, kind in kinds.items()}
-    for key, text, remedy in wrongs_of(stated, seen["thermal"], problems):
+    for key, text, remedy in wrongs_of(stated, seen, problems):
         c.found.wrong(key, text, remedy)
     thermal = problems["thermal"]
     assert isinstance(thermal, ThermalProblem), "every thermal half is told one"
@@ -378,7 +378,7 @@ def problems_of(c: Context, thermal_mesh: Interface) -> dict[str, Part]:
         if one.half is not None:
             with c.found.each():
                 check_kind(c.document, "thermal", one.half, ("thermal", "halves", name, "half"))
-    for wrong in several_wrongs(file.thermal, thermal_mesh, thermal):
+    for wrong in several_wrongs(file.thermal, seen["thermal"].interface, thermal):
         c.found.wrong(wrong.key, wrong.text, wrong.remedy)
     return problems
 
@@ -398,7 +398,8 @@ def _hash(document: Document, file: ScenarioFile, starts: Mapping[str, Taken]) -
     #   coupler/test_study_run
     values = {key: value for key, value in document.tree.items() if key != "study"}
     digest = hashlib.sha256(json.dumps(_as_numbers(values), sort_keys=True, allow_nan=False).encode())
-    for mesh in (*(body.mesh for body in file.bodies.values()), *file.thermal.meshes.values()):
+    for mesh in (*(body.mesh for body in file.bodies.values()), *file.thermal.meshes.values(),
+                 *file.mechanical.meshes.values()):
         # fault: hash of the text, not of the mesh -> if False: | coupler/test_scenario_mesh
         if mesh.file is not None:
             digest.update(hashlib.sha256(mesh_path(mesh.file, document.path.parent).read_bytes()).digest())

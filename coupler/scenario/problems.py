@@ -380,10 +380,10 @@ def _first_at_each(found: Iterable[Wrong]) -> Iterator[Wrong]:
             yield wrong
 
 
-def wrongs_of(s: Stated, thermal: Stated, problems: Problems) -> Iterator[tuple[Key, str, str]]:
+def wrongs_of(s: Stated, seen: Mapping[str, Stated], problems: Problems) -> Iterator[tuple[Key, str, str]]:
     """Tell all that is wrong with the problems: its key in the file, what, remedy.
 
-    thermal : the same with the thermal half's mesh, which may be one of its own.
+    seen : role -> the same with the mesh of its half, which may be one of its own.
     """
     for name, body in s.file.bodies.items():
         yield from _in_file(s, "", checks.known(body.material, s.file.materials, ("bodies", name, "material"),
@@ -394,7 +394,8 @@ def wrongs_of(s: Stated, thermal: Stated, problems: Problems) -> Iterator[tuple[
                                                         ("bodies", name, "regions", region, "material"), "material"))
     yield from _in_file(s, "", _starts_below_zero(s))
     yield from _in_file(s, "", _first_at_each(_positive_at_start(s)))
-    for role, found in (("thermal", _of_thermal(thermal, problems)), ("mechanical", _of_mechanical(s, problems))):
+    for role, found in (("thermal", _of_thermal(seen["thermal"], problems)),
+                        ("mechanical", _of_mechanical(seen["mechanical"], problems))):
         yield from _in_file(s, role, found)
 
 
@@ -491,8 +492,9 @@ def _starts_below_zero(s: Stated) -> Iterator[Wrong]:
 
 
 def _rectangles(s: Stated, role: str) -> Iterator[Wrong]:
+    own = s.file.thermal.meshes if role == "thermal" else s.file.mechanical.meshes
     for name, body in s.file.bodies.items():
-        if body.mesh.rectangle is None:
+        if own.get(name, body.mesh).rectangle is None:
             yield Wrong((role, "half"), f"a rod is a rectangle along x, but body {name!r} is meshed from a file")
 
 

@@ -152,6 +152,9 @@ class Mechanical(Part):
         "names of an FMU's own, for a half that is the path of an FMU ([halves.md](halves.md)): "
         "`T: {name: \"wall_{i}\", unit: degC}`", kind="name at the border -> binding", default="none")] = Field(
         default_factory=dict)
+    meshes: Annotated[dict[Name, Mesh], Entry(
+        "meshes of the mechanical half's own, as `thermal.meshes` ([halves.md](halves.md#a-mesh-of-its-own))",
+        kind="body -> mesh", default="those of the bodies")] = Field(default_factory=dict)
 
 
 class Place(Part):

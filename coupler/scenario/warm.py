@@ -131,9 +131,9 @@ def _end_of(run: EarlierRun) -> EndOfRun:
     """Read what a run left at its end.  Raises EarlierRunError where it kept nothing, or what does not fit."""
     with opened(run.path) as f:
         if END not in f:
-            raise EarlierRunError(f"{run.path.name} keeps no end of its mechanics: its half was not `elastic`, it "
-                                  "ended by an error, or an earlier version wrote it",
-                                  "Run it again with the half elastic.")
+            raise EarlierRunError(f"{run.path.name} keeps no end of its mechanics: its half was not `elastic`, or "
+                                  "had a mesh of its own, it ended by an error, or an earlier version wrote it",
+                                  "Run it again with the half elastic, on the scene's mesh.")
         t = float(f[END].attrs["t"])
         arrays = {name: np.asarray(dataset(f, f"{END}/{name}", "f", 1 if name in (MULTIPLIERS, MOBILISED) else 2)[()],
                                    dtype=np.float64) for name in f[END] if name != PAIR_NODES}

@@ -127,7 +127,7 @@ class _Tally:
 def several_joined(scenario: Scenario, halves: Mapping[str, Half]) -> Half:
     """Return the thermal half of a scenario, where it has several.  halves : by name.  Raises HalfError."""
     assert scenario.several is not None, "asked of scenes that have several"
-    return SeveralHalves("thermal", scenario.several, halves, scenario.thermal_interface)
+    return SeveralHalves("thermal", scenario.several, halves, scenario.interface_of("thermal"))
 
 
 class SeveralHalves:

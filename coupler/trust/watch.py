@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import asdict, dataclass, field, replace
 from types import MappingProxyType
 from typing import Any
@@ -50,6 +50,7 @@ class TrustLog:
     penetration: penetration.PenetrationLog = field(default_factory=penetration.PenetrationLog)
     errors: errors.ErrorLog = field(default_factory=errors.ErrorLog)
     stability: stability.StabilityLog = field(default_factory=stability.StabilityLog)
+    shapes: carried.CarriedLog = field(default_factory=carried.CarriedLog)
     carried: carried.CarriedLog = field(default_factory=carried.CarriedLog)
     equilibrium: equilibrium.EquilibriumLog = field(default_factory=equilibrium.EquilibriumLog)
     tables: tables.TableLog = field(default_factory=tables.TableLog)
@@ -64,11 +65,12 @@ class TrustWatch:
     """Measures what can be wrong.  It remembers nothing between windows but what its log holds."""
 
     def __init__(self, interface: Interface, models: Mapping[str, Mapping[str, Any]],
-                 probes: Mapping[str, str] | None = None, adaptive: bool = False, own_mesh: bool = False) -> None:
+                 probes: Mapping[str, str] | None = None, adaptive: bool = False,
+                 own_meshes: Collection[str] = ()) -> None:
         """models : of the halves (model.json).  probes : name -> unit; none: mean temperatures of bodies stand for
-        them (`means`).  adaptive : whether windows find their own size.  own_mesh : whether the thermal half has one.
+        them (`means`).  adaptive : whether windows find their own size.  own_meshes : the roles of halves on one.
         """
-        self._own_mesh = own_mesh
+        self._own_meshes = frozenset(own_meshes)
         self._interface = interface
         self._adaptive = adaptive
         self._probes = dict(probes) if probes else {f"the mean temperature of {b}": "K" for b in interface.bodies}
@@ -94,13 +96,15 @@ class TrustWatch:
 
     def after(self, log: TrustLog, levels: tuple[Level, Level], terms: Mapping[str, float], *, fresh: bool,
               forced: bool, looked: Looked | None = None, inputs: Mapping[str, float] = NO_INPUTS,
-              off_mesh: float | None = None, off_across: float | None = None) -> TrustLog:
+              off_mesh: float | None = None, shape_off: float | None = None,
+              off_across: float | None = None) -> TrustLog:
         """Return the log after a window that was taken.
 
         levels : at its start and its end.  terms : its heat, mechanism -> [J].  fresh : it begins at a kink of the
         data.  forced : it was taken though it did not converge, or its error is too large.  looked : what was seen of
         the probes; None: they are not followed.  inputs : of the thermal half in this window, besides what is
-        exchanged.  off_mesh [K]: what of its temperatures the scene's mesh does not hold, where it has one of its own.
+        exchanged.  off_mesh [K], shape_off [m]: what of temperatures and positions the scene's mesh does not hold,
+        where the half that makes them has a mesh of its own.
         off_across [K]: how far surfaces differ from the one temperature behind them, where a half has but one.
         """
         before, now = levels
@@ -114,7 +118,9 @@ class TrustWatch:
             rhythm=rhythm.watched(log.rhythm, levels, warmth.most - warmth.least, self.means(now), fresh),
             passing=self._sides.watched(log.passing, before, now),
             penetration=self._yields.watched(log.penetration, now),
-            carried=carried.watched(log.carried, off_mesh, now.t), across=across.watched(log.across, off_across, now.t),
+            carried=carried.watched(log.carried, off_mesh, now.t),
+            shapes=carried.watched(log.shapes, shape_off, now.t, 0.0 if shape_off is None else self._deformed(now)),
+            across=across.watched(log.across, off_across, now.t),
             tables=self._tables.watched(log.tables, now))
 
     def wants_equilibrium(self, log: TrustLog, t: float, end: float, at_end: bool = False) -> bool:
@@ -146,7 +152,9 @@ class TrustWatch:
             stability.check(log.stability, 0 if self._adaptive else log.errors.looked),
             temperatures.check(log.temperatures, self._place(log.temperatures.node)),
             *self._tables.checks(log.tables),
-            *carried.checks(log.carried, log.temperatures.most - log.temperatures.least, self._own_mesh),
+            *carried.checks(log.carried, log.temperatures.most - log.temperatures.least,
+                            "thermal" in self._own_meshes),
+            *carried.shape_checks(log.shapes, "mechanical" in self._own_meshes),
             *mesh.checks(log.mesh),
             *across.checks(log.across, log.temperatures.span),
             *rhythm.checks(log.rhythm, self._place(log.rhythm.node), self._interface.bodies),
@@ -161,6 +169,12 @@ class TrustWatch:
                      what=f"{log.forced} of {log.windows} windows were accepted although they did not converge or "
                           f"their error was too large, the last at t = {log.forced_t:.6g} s",
                      remedy="Smaller windows; a smaller coupling.adaptive.least; iteration.on_max: retry_smaller"))
+
+    def _deformed(self, now: Level) -> float:
+        """The largest displacement [m] of a node beside the mean of its body."""
+        u = now.x[self._inside] - self._interface.nodes[self._inside]
+        mean = np.stack([np.bincount(self._of, weights=c, minlength=len(self._counts)) for c in u.T], axis=1)
+        return float(np.linalg.norm(u - (mean / self._counts[:, None])[self._of], axis=1).max(initial=0.0))
 
     def _place(self, node: int, end: int | None = None) -> str:
         """A node in words, or the middle between it and another."""

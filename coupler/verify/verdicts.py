@@ -117,8 +117,7 @@ def trust_rows(verdicts: Iterable[HalfVerdict]) -> tuple[Check, ...]:
 
 def border_of(scene: Scenario, role: str) -> BorderScene:
     """Return what is known of a scene that a half in a role is held against."""
-    interface = scene.thermal_interface if role == "thermal" else scene.interface
-    return known_scene(interface, scene.models["thermal"], scene.models["mechanical"],
+    return known_scene(scene.interface_of(role), scene.models["thermal"], scene.models["mechanical"],
                        () if scene.stated is None else scene.stated.thermal.boundary)
 
 

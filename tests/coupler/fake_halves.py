@@ -65,6 +65,19 @@ class FakeHalf:
     def close(self) -> None: ...
 
 
+@dataclass
+class Bytes(FakeHalf):
+    """A FakeHalf whose states are bytes, too."""
+
+    can_serialise: bool = True
+
+    def serialise(self, token: int) -> bytes:
+        return bytes([token])
+
+    def deserialise(self, data: bytes) -> int:
+        return data[0]
+
+
 def lumped(T0: float, method: str = "midpoint", h_max: float = np.inf,
            body: tuple[float, float] = (C, G)) -> FakeHalf:
     """C dT/dt = G (T_s - T) - h(g) (T - T_w), gap in x[0, 1]; takes heat E_M too.  body : C, G."""

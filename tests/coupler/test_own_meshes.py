@@ -6,7 +6,6 @@ import importlib
 import os
 import re
 import sys
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -25,7 +24,7 @@ from coupler.trust import carried
 from coupler.trust.checks import broken
 
 sys.path.insert(0, str(Path(__file__).parent))
-from fake_halves import FakeHalf
+from fake_halves import Bytes, FakeHalf
 from killed_runs import differences
 from mesh_scenes import as_bodies, block_meshes, box, rings
 from several_scenes import BLOCKS, SCENARIOS, THREE, apart, blocks, ran
@@ -105,19 +104,6 @@ def test_all_friction_heat_and_all_plastic_work_arrive(tmp_path: Path) -> None:
     # The effusivities share it between the sides, whatever the meshes: 0.365 into the steel.
     assert own.ledger["friction.slave"] / friction[1] == pytest.approx(one.ledger["friction.slave"] / friction[0],
                                                                       rel=1e-3)
-
-
-@dataclass
-class Bytes(FakeHalf):
-    """A FakeHalf whose states are bytes, too."""
-
-    can_serialise: bool = True
-
-    def serialise(self, token: int) -> bytes:
-        return bytes([token])
-
-    def deserialise(self, data: bytes) -> int:
-        return data[0]
 
 
 def turned_rings() -> tuple[MappedHalf, FakeHalf, Interface, Interface]:
@@ -266,7 +252,7 @@ def test_another_package_s_half_has_one_without_knowing(tmp_path: Path, monkeypa
 def test_what_is_recorded_is_played_on_the_mesh_of_the_scene(file: Path, other: Results) -> None:
     again = load_scenario(file, SHORT | {"thermal.meshes": OTHER, "thermal.half": "replay",
                                          "thermal.replay": {"from": str(other.path)}})
-    assert again.thermal_interface is again.interface
+    assert again.interface_of("thermal") is again.interface
 
 
 # What is wrong.
@@ -287,8 +273,8 @@ def test_a_body_that_is_not_there(file: Path) -> None:
 @pytest.mark.fast
 def test_a_body_left_out_keeps_its_mesh(file: Path) -> None:
     scenario = load_scenario(file, {"thermal.meshes": {"upper": OTHER["upper"]}})
-    assert len(scenario.thermal_interface.nodes) == 4 * 5 + 5 * 5 + 11 * 7
-    assert scenario.own_mesh is not None
+    assert len(scenario.interface_of("thermal").nodes) == 4 * 5 + 5 * 5 + 11 * 7
+    assert scenario.own_meshes.keys() == {"thermal"}
 
 
 @pytest.mark.fast
