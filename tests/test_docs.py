@@ -90,10 +90,18 @@ def in_words(block: Block, names: dict[str, Any]) -> str:
                 sys.argv = command
                 with pytest.raises(SystemExit) as ended:
                     cli.main()
+                forget_loaded(Path.cwd())
                 # Two runs that a page compares may differ: it says what the verdict is.
                 fine = (0, None, 5) if command[1] == "compare" or "--compare" in command else (0, None)
                 assert ended.value.code in fine, f"{block}: {line}\n{said.getvalue()}"
     return said.getvalue()
+
+
+def forget_loaded(folder: Path) -> None:
+    """Unload the modules of a folder: to a reader each command is a process of its own."""
+    for name, module in list(sys.modules.items()):
+        if str(getattr(module, "__file__", None) or "").startswith(str(folder)):
+            del sys.modules[name]
 
 
 def assert_says(block: Block, said: str) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shutil
 import subprocess
 import sys
 import zipfile
@@ -111,6 +112,35 @@ def test_without_the_package_the_fmu_brings_its_own(fmu, tmp_path):
     root = str(HALVES.parent.parent.parent)
     out = fresh(LOAD.format(before=""), fmu, tmp_path / "fmu", env=environment(PYTHONPATH=root))
     assert str(tmp_path / "fmu" / "resources" / "packages" / "toy_half" / "model.py") in out
+
+
+EDITED = """
+    import subprocess, sys
+    from pathlib import Path
+    from coupler.fmu.fmi import load_half
+    from coupler.errors import HalfError
+    folder, scene, source = Path(sys.argv[1]), Path(sys.argv[2]), Path(sys.argv[3])
+    for n in (1, 2):
+        fmu = folder / f"{n}.fmu"
+        subprocess.run([sys.executable, "-m", "toy_half.build", str(scene), str(fmu)], check=True)
+        try:
+            load_half(fmu, folder / str(n), "toy")
+            print("loaded", n)
+        except HalfError as exc:
+            print("refused:", exc)
+        source.write_text(source.read_text() + "\\n# edited\\n")
+"""
+
+
+def test_sources_edited_since_they_were_loaded_are_refused(tmp_path):
+    """As by who edits a half in an editor and runs it again in the same notebook: the old one was run, in silence."""
+    other = tmp_path / "other" / "toy_half"
+    shutil.copytree(HALVES / "toy_half", other)
+    env = environment()
+    env["PYTHONPATH"] = f"{other.parent}:{env['PYTHONPATH']}"
+    out = fresh(EDITED, tmp_path, directory(tmp_path / "scene"), other / "model.py", env=env)
+    assert "loaded 1" in out
+    assert "already loaded another 'toy_half'" in out
 
 
 def test_other_sources_already_loaded_are_refused_by_name(fmu, tmp_path):
