@@ -31,6 +31,7 @@ from contact.codec import Kinds, decode, encode
 from contact.records import MAX_MESSAGE_HEADER, WireError
 from contact.rpc.calls import (
     Answered,
+    Call,
     CallQueue,
     CallStats,
     Envelope,
@@ -45,6 +46,7 @@ from contact.rpc.zenoh_session import Question, Session
 
 UNREADABLE = "unreadable"  # the verb of bytes that are no request
 REFUSED = "refused"  # the verb of what is not signed, or was heard before
+SIGNALS_HEARD = 1.0  # s between looks for signals while no call comes
 
 
 @dataclass(frozen=True)
@@ -99,10 +101,20 @@ class Server:
 
     def work(self, handle: Callable[[Any], Any]) -> None:
         """Carry out calls until `stop`.  handle : request -> reply, both messages."""
-        while (call := self._calls.queue.get()) is not None:
+        while (call := self._next()) is not None:
             answered = self._carry_out(call.payload, handle)
             for caller in self._calls.finish(call, answered):
                 self._answer(caller, answered)
+
+    def _next(self) -> Call | None:
+        """Wait for the next call."""
+        while True:
+            try:
+                # A signal that comes just before a wait, or to another thread, is handled when the wait is over.
+                # fault: a server may miss Ctrl-C for ever -> return self._calls.queue.get() | contact/test_zenoh
+                return self._calls.queue.get(timeout=SIGNALS_HEARD)
+            except Empty:
+                continue
 
     def stop(self) -> None:
         """Let `work` return after the calls that came before; from any thread, or from handle."""

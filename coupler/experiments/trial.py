@@ -138,8 +138,8 @@ def probe_of(results: Results, name: str) -> tuple[NDArray[np.float64], NDArray[
     known = np.flatnonzero(~np.isnan(values))
     if not known.size:
         return t, np.zeros(len(values))
-    # fault: a gap that faces nothing has no past -> return t, values | coupler/test_confidence
     last = np.searchsorted(known, np.arange(len(values)), side="right") - 1
+    # fault: a gap that faces nothing has no past -> return t, values | coupler/test_confidence
     return t, np.where(last >= 0, values[known[np.maximum(last, 0)]], 0.0)
 
 

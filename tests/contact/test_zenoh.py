@@ -351,6 +351,27 @@ def test_the_service_ends_on_ctrl_c_when_it_is_nobodys_child():
     assert process.returncode == 0
 
 
+def test_the_service_hears_a_signal_that_interrupts_none_of_its_waits():
+    code = """
+import signal, sys, threading, time
+sys.path.insert(0, sys.argv[1])
+import fake_contact
+from contact.rpc import serve
+def strike():
+    time.sleep(1.0)
+    signal.pthread_kill(threading.get_ident(), signal.SIGINT)  # this thread notes it; the one that waits sleeps on
+work = serve.Server.work
+def watched(server, handle):
+    threading.Thread(target=strike, daemon=True).start()
+    work(server, handle)
+serve.Server.work = watched
+sys.exit(serve.main(fake_contact.FakeContact().handle, ["--run", "r"]))
+"""
+    done = subprocess.run([sys.executable, "-c", code, str(Path(FAKE).parent)], input=f"{SECRET.hex()}\n", timeout=SOON,
+                          text=True, capture_output=True, check=False)
+    assert done.returncode == 0, done.stderr
+
+
 def test_a_child_outlives_ctrl_c_but_not_its_parent(service, link):
     service.process.send_signal(signal.SIGINT)
     assert isinstance(link.ask(register()), Registered)
