@@ -8,6 +8,7 @@ from __future__ import annotations
 import ast
 import re
 from collections.abc import Iterator
+from functools import cache
 from pathlib import Path
 
 import pytest
@@ -57,13 +58,17 @@ def texts_of(path: Path) -> Iterator[tuple[int, str]]:
             yield node.lineno, node.value
 
 
+@cache
+def all_texts() -> tuple[tuple[str, str], ...]:
+    """Place and text of all that is read: pages, and what sources may show."""
+    return (*((str(page.relative_to(ROOT)), page.read_text(encoding="utf-8")) for page in PAGES),
+            *((f"{path.relative_to(ROOT)}:{line}", text) for path in SOURCES for line, text in texts_of(path)))
+
+
 @pytest.mark.parametrize("phrase", GIVEN_UP)
 def test_a_phrase_that_was_given_up_is_gone(phrase: str) -> None:
     found = re.compile(phrase, re.I)
-    places = [f"{page.relative_to(ROOT)}: {hit[0]}" for page in PAGES
-              for hit in found.finditer(page.read_text(encoding="utf-8"))]
-    places += [f"{path.relative_to(ROOT)}:{line}: {hit[0]}" for path in SOURCES for line, text in texts_of(path)
-               for hit in found.finditer(text)]
+    places = [f"{place}: {hit[0]}" for place, text in all_texts() for hit in found.finditer(text)]
     assert not places, f"write {GIVEN_UP[phrase]!r}: {places}"
 
 
