@@ -19,14 +19,17 @@ from coupler.fmu.launch import build_half, known_halves
 from coupler.init.templates import shipped_scenarios, templates
 from coupler.scenario import Scenario, load_scenario
 from coupler.scenario.problems import OWN, entry_of, fmu_path, understood_by
+from coupler.verify.bench import NO_REFERENCE
 from coupler.verify.border import (
     CheckVerdict,
     conclusion,
     table_of,
 )
 from coupler.verify.child import findings_of
+from coupler.verify.reference import Reference, built, reference_of
 from coupler.verify.verdicts import border_of
 
+NONE_KNOWN = Reference(NO_REFERENCE)
 VIOLATED = 1  # exit code where a check failed
 
 
@@ -47,7 +50,9 @@ def verify_half_command(half: HalfArgument, scenario: ScenarioOption = None, ste
         raise ScenarioError("a substep is longer than 0", key="--step", value=step, remedy="Give seconds")
     with tempfile.TemporaryDirectory(prefix="slideline-") as scratch:
         found = fmu_of(half, scenario, Path(scratch) / "half")
-        findings = list(findings_of(found.fmu, Path(scratch), step, found.scene, reads=found.reads))
+        own, why_none = built(found.reference, Path(scratch) / "own")
+        findings = list(findings_of(found.fmu, Path(scratch), step, found.scene, reads=found.reads, reference=own,
+                                    why_none=why_none))
     Console().print(table_of(half, findings))
     typer.echo(conclusion(half, findings))
     if any(f.verdict is CheckVerdict.FAIL for f in findings):
@@ -56,11 +61,15 @@ def verify_half_command(half: HalfArgument, scenario: ScenarioOption = None, ste
 
 @dataclass(frozen=True)
 class FoundHalf:
-    """An FMU, and the scene it is for; None where nobody said.  reads : what its builder declares to read of it."""
+    """An FMU, and the scene it is for; None where nobody said.  reads : what its builder declares to read of it.
+
+    reference : Slideline's own half of that scene.
+    """
 
     fmu: Path
     scene: BorderScene | None
     reads: frozenset[str] | None = None
+    reference: Reference = NONE_KNOWN
 
 
 def fmu_of(half: str, scenario: Path | None, scratch: Path) -> FoundHalf:
@@ -84,8 +93,7 @@ def fmu_of(half: str, scenario: Path | None, scratch: Path) -> FoundHalf:
                             key="HALF", value=half, remedy=f"Say its role: {' or '.join(words)}, with --scenario"
                             if words else did_you_mean(half, installed))
     use = _scene_with(half, scenario)
-    return FoundHalf(build_half(use.scene.write_half(use.role, scratch), scratch), border_of(use.scene, use.role),
-                     understood_by(half, use.scene.file.parent))
+    return _built(use.scene, use.role, scratch)
 
 
 def _swapped(role: str, kind: str, scenario: Path | None, scratch: Path) -> FoundHalf:
@@ -98,15 +106,23 @@ def _swapped(role: str, kind: str, scenario: Path | None, scratch: Path) -> Foun
     scene = load_scenario(scenario, overrides={f"{role}.half": kind})
     if fmu_path(kind, scene.file.parent) is not None:
         return _in_scene(Path(str(scene.models[role]["half"])), scene, scratch)
-    return FoundHalf(build_half(scene.write_half(role, scratch), scratch), border_of(scene, role),
-                     understood_by(scene.kinds[role], scene.file.parent))
+    return _built(scene, role, scratch)
+
+
+def _built(scene: Scenario, role: str, scratch: Path) -> FoundHalf:
+    """The half of a role of a scene, built for it."""
+    reads = understood_by(scene.kinds[role], scene.file.parent)
+    return FoundHalf(build_half(scene.write_half(role, scratch), scratch), border_of(scene, role), reads,
+                     reference_of(scene, role, reads))
 
 
 def _in_scene(fmu: Path, scene: Scenario, scratch: Path) -> FoundHalf:
     """An FMU that lies ready, in a scene: with the names that the scene binds, where it is a half of it."""
     for role, kind in (("thermal", scene.thermal_half), ("mechanical", scene.mechanical_half)):
         if kind == str(fmu.resolve()):
-            return FoundHalf(bind(scene, role, fmu, scratch / "bound.fmu"), border_of(scene, role))
+            reads = understood_by(kind, scene.file.parent)
+            return FoundHalf(bind(scene, role, fmu, scratch / "bound.fmu"), border_of(scene, role), reads,
+                             reference_of(scene, role, reads))
     return FoundHalf(fmu, border_of(scene, ""))
 
 

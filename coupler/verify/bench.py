@@ -19,6 +19,7 @@ END = 1e9  # s, stop time given to the half
 NUMBERS = ("Real", "Integer", "Boolean")
 MOVING = 3  # substeps after which inputs stay
 LONG = 12  # substeps of what is looked at for longer
+NO_REFERENCE = "no scene is known that Slideline's own half could compute"
 
 
 @dataclass(frozen=True)
@@ -47,7 +48,8 @@ class Bench:
 
     starts : the Real inputs as a new instance has them, x as the scene has it.  blocks : all of the half's.
     scene : it is held against; None where nobody knows.  declared : what the half says it can do.
-    strings : its constant texts.
+    strings : its constant texts.  reference : returns Slideline's own half of the scene; None, and then why_none says
+    why, where there is none.
     """
 
     make: Callable[[], Half]
@@ -57,6 +59,8 @@ class Bench:
     scene: BorderScene | None = None
     declared: Declared = EVERYTHING
     strings: Mapping[str, str] = field(default_factory=dict)
+    reference: Callable[[], Half] | None = None
+    why_none: str = NO_REFERENCE
 
     @contextmanager
     def half(self) -> Iterator[Half]:
@@ -109,12 +113,12 @@ def took(done: Advance) -> dict[str, Array]:
     return done.outputs
 
 
-def settled(make: Callable[[], Half], h: float, scene: BorderScene | None = None,
-            declared: Declared = EVERYTHING) -> Bench:
+def settled(make: Callable[[], Half], h: float, scene: BorderScene | None = None, declared: Declared = EVERYTHING,
+            reference: Callable[[], Half] | None = None, why_none: str = NO_REFERENCE) -> Bench:
     """Return a bench with a substep that the half takes three times: h, or h/2, h/4, ...  Raises HalfError.
 
     scene : that it is held against, where it is known.  declared : what the half says it can do; of one whose steps
-    have one length no other than h is tried.
+    have one length no other than h is tried.  reference, why_none : as of a Bench.
     """
     half = make()
     try:
@@ -125,7 +129,7 @@ def settled(make: Callable[[], Half], h: float, scene: BorderScene | None = None
     if scene is not None and "x" in starts and starts["x"].shape == scene.interface.nodes.shape:
         starts["x"] = start_coordinates(scene.interface)
     for _ in range(HALVINGS if declared.any_step else 1):
-        bench = Bench(make, h, starts, blocks, scene, declared, strings)
+        bench = Bench(make, h, starts, blocks, scene, declared, strings, reference, why_none)
         with bench.half() as half:
             done = [half.advance((k - 1) * h, h, bench.inputs(k), bench.outputs) for k in (1, 2, 3)]
         refused = [d.message for d in done if d.status is not Status.OK]

@@ -1,10 +1,11 @@
 """Checks a half in a process of its own, so that one that hangs, crashes or ends the process is a row of the table.
 
-    python -m coupler.verify.child FMU SCRATCH STEP READS [SCENE]
+    python -m coupler.verify.child FMU SCRATCH STEP READS OWN WHY_NONE [SCENE]
 
 The child tells findings as lines of JSON, one as each comes, and before each call into the half what it is about to
-ask.  READS : paths of a scene that the half declares to read, as JSON; null: it declares nothing.  SCENE : a folder
-with interface.h5 and scene.npz.
+ask.  READS : paths of a scene that the half declares to read, as JSON; null: it declares nothing.  OWN : the FMU
+of Slideline's own half of the scene; "" where there is none, and then WHY_NONE says why.  SCENE : a folder with
+interface.h5 and scene.npz.
 """
 
 from __future__ import annotations
@@ -23,8 +24,10 @@ from typing import IO, Any
 from coupler.errors import HalfError
 from coupler.fmu.bounds import BorderScene
 from coupler.fmu.children import Child, python, reap, start
+from coupler.fmu.fmi import load_half
 from coupler.fmu.half import Advance, Array, Half
 from coupler.verify.behaviour import checks_of
+from coupler.verify.bench import NO_REFERENCE
 from coupler.verify.border import ROLE, CheckVerdict, Finding, failed, not_applicable
 from coupler.verify.conformance import RUNS, verify_fmu
 from coupler.verify.matter import read_scene, write_scene
@@ -32,24 +35,28 @@ from coupler.verify.matter import read_scene, write_scene
 LIMIT = 60.0  # s a call into the half may take
 LOAD_LIMIT = 300.0  # s until the first word: loading, and compiling what it compiles
 ALIVE = "its process lives"
+OURS = "while Slideline's own half was asked to"
 FINDING, ASKING, ERROR, DONE = "finding", "asking", "error", "done"
 
 
 def findings_of(fmu: Path, scratch: Path, h: float, scene: BorderScene | None = None,
                 limit: float = LIMIT, *, reads: frozenset[str] | None = None,
-                most: float = math.inf) -> Iterator[Finding]:
+                most: float = math.inf, reference: Path | None = None,
+                why_none: str = NO_REFERENCE) -> Iterator[Finding]:
     """Check an FMU in a child, and yield its findings one by one.  h : substep to begin with [s].
 
     scratch : an empty folder.  limit : s a call into the half may take.  reads : what its builder declares that it
     reads of a scene; None: what the FMU itself declares.  most : s that all checks may take; those that were not made
-    by then are rows, too, which say so.  Raises HalfError where the file is no FMU.
+    by then are rows, too, which say so.  reference : the FMU of Slideline's own half of the scene, unpacked
+    beside; None, and then why_none says why, where there is none.  Raises HalfError where the file is no FMU.
     """
     # Here and not above: the child reads no scenario, whose import takes 0.6 s.
     from coupler.scenario.understood import declared_in
 
     reads = declared_in(fmu) if reads is None else reads
     told = json.dumps(None if reads is None else sorted(reads))
-    command = [*python(), "-m", "coupler.verify.child", str(fmu.absolute()), str(scratch), repr(h), told]
+    command = [*python(), "-m", "coupler.verify.child", str(fmu.absolute()), str(scratch), repr(h), told,
+               "" if reference is None else str(reference.absolute()), why_none]
     if scene is not None:
         command.append(str(write_scene(scene, scratch / "scene")))
     child = start("half", command, scratch)
@@ -77,7 +84,7 @@ def _told(child: Child, limit: float, most: float) -> Iterator[Finding]:
         if kind == DONE:
             return
         if kind == ASKING:
-            asking, patience = word["what"], limit
+            asking, patience = word["what"], word.get("patience", limit)
         elif kind == ERROR:
             raise HalfError(word["message"])
         else:
@@ -124,15 +131,19 @@ class _Lines:
 # In the child
 
 class ToldHalf:
-    """A half (coupler.fmu.half.Half) that is another one, and says what it is asked for before it is asked."""
+    """A half (coupler.fmu.half.Half) that is another one, and says what it is asked for before it is asked.
 
-    def __init__(self, half: Half, out: IO[str]) -> None:
+    whose : how that begins.  patience : s that a call may take, where it is not that of the half that is checked.
+    """
+
+    def __init__(self, half: Half, out: IO[str], whose: str = "asked to", patience: float | None = None) -> None:
         self._half, self._out = half, out
+        self._whose, self._more = whose, {} if patience is None else {"patience": patience}
         self.name, self.blocks, self.strings = half.name, half.blocks, half.strings
         self.can_save, self.can_serialise = half.can_save, half.can_serialise
 
     def _asks(self, what: str) -> None:
-        _say(self._out, {"kind": ASKING, "what": f"asked to {what}"})
+        _say(self._out, {"kind": ASKING, "what": f"{self._whose} {what}", **self._more})
 
     def initialise(self, t_start: float, t_end: float, parameters: Mapping[str, str], inputs: Mapping[str, Array],
                    outputs: Sequence[str]) -> dict[str, Array]:
@@ -196,10 +207,17 @@ def main() -> None:
     os.dup2(2, 1)
     told = json.loads(sys.argv[4])
     reads = None if told is None else frozenset(told)
-    scene = read_scene(Path(sys.argv[5])) if len(sys.argv) > 5 else None
+    ours, why_none = sys.argv[5:7]
+    scene = read_scene(Path(sys.argv[7])) if len(sys.argv) > 7 else None
+
+    def reference() -> Half:
+        _say(out, {"kind": ASKING, "what": f"{OURS} be loaded", "patience": LOAD_LIMIT})
+        return ToldHalf(load_half(Path(ours), None, "own"), out, OURS, LOAD_LIMIT)
+
     try:
         with tempfile.TemporaryDirectory(dir=scratch) as own:
-            for f in verify_fmu(fmu, Path(own), h, scene, lambda half: ToldHalf(half, out), reads):
+            for f in verify_fmu(fmu, Path(own), h, scene, lambda half: ToldHalf(half, out), reads,
+                                reference if ours else None, why_none):
                 _say(out, {"kind": FINDING, "check": f.check, "verdict": f.verdict.value, "reason": f.reason,
                            "remedy": f.remedy})
     except HalfError as exc:

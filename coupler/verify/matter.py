@@ -28,7 +28,8 @@ class KnownScene(BorderScene):
 
     rho_c : (n_cells,) heat capacity at the start [J/m3K]; NaN where it is not known, or melts.  hot : (n_nodes,) a
     temperature above T_ref [K] and stretch : (n_bodies,) what a free body then is longer by [1]; cold : (n_nodes,)
-    T_ref itself.  modulus : (n_bodies,) E [Pa], NaN where it is not known.  All four NaN for bodies not free to expand.
+    T_ref itself.  All three NaN for bodies not free to expand.  modulus : (n_bodies,) E at T_ref and
+    WARMER [Pa], NaN where it is not known.
     """
 
     rho_c: Array
@@ -72,6 +73,7 @@ def _moment(p: Array) -> float:
 
 
 WARMER = 50.0  # K above T_ref
+ROOM = 293.15  # K, where no T_ref is stated
 
 
 def known_scene(interface: Interface, thermal: Mapping[str, Any], mechanical: Mapping[str, Any],
@@ -107,10 +109,14 @@ def _expansion(i: Interface, model: Mapping[str, Any]) -> dict[str, Any]:
     if "options" not in model and model.get("half") != "elastic":
         return found
     problem = read(ForeignMechanical if "options" in model else ElasticProblem, model, str(model["half"]))
+    for b, name in enumerate(i.bodies):
+        m = problem.materials.get(problem.bodies[name].material)
+        if m is not None and m.E is not None:
+            found["modulus"][b] = property_from(m.E)(np.array([(ROOM if m.T_ref is None else m.T_ref) + WARMER]))[0]
     if problem.gravity is not None or problem.dynamics is not None or problem.skip is not None:
         return found
     for b, name in enumerate(i.bodies):
-        body, nodes = problem.bodies[name], i.part_nodes(b)
+        body, nodes = problem.bodies[name], np.flatnonzero(i.node_body == b)
         material = problem.materials.get(body.material)
         whole = body.regions is None and body.drawn_at is None and not body.rigid
         if material is None or not whole or not _is_free(i, b, problem.boundary):
@@ -118,8 +124,6 @@ def _expansion(i: Interface, model: Mapping[str, Any]) -> dict[str, Any]:
         e = _free_stretch(material, problem.state is State.PLANE_STRAIN and not i.axisymmetric)
         if e is not None and material.T_ref is not None:
             found["hot"][nodes], found["cold"][nodes], found["stretch"][b] = material.T_ref + WARMER, material.T_ref, e
-            if material.E is not None:
-                found["modulus"][b] = property_from(material.E)(np.array([material.T_ref + WARMER]))[0]
     return found
 
 
@@ -137,7 +141,7 @@ def _is_free(i: Interface, b: int, conditions: Iterable[ElasticBoundary]) -> boo
     held: dict[int, list[NDArray[np.integer]]] = {0: [], 1: []}
     for c in conditions:
         place = c.body if c.body is not None else c.where
-        nodes = i.part_nodes(b) if place == i.bodies[b] else np.unique(
+        nodes = np.flatnonzero(i.node_body == b) if place == i.bodies[b] else np.unique(
             i.surfaces[place] if place in i.surfaces else i.node_sets.get(place, np.arange(len(i.nodes))))
         nodes = nodes[i.node_body[nodes] == b]
         if not nodes.size:

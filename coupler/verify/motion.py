@@ -41,7 +41,7 @@ def _alone(scene: KnownScene, got: Mapping[str, Array]) -> Iterator[int]:
 
 def _gradient(scene: KnownScene, b: int, x: Array) -> Array:
     """The deformation gradient (2, 2) of a body, the mean over its nodes."""
-    nodes = scene.interface.part_nodes(b)
+    nodes = np.flatnonzero(scene.interface.node_body == b)
     X = scene.interface.nodes[nodes]
     return np.asarray(np.linalg.lstsq(X - X.mean(axis=0), x[nodes] - x[nodes].mean(axis=0), rcond=None)[0].T)
 

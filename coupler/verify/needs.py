@@ -23,7 +23,10 @@ GIVE_SCENE = "give a scene that knows its materials, with --scenario"
 
 @dataclass(frozen=True)
 class Need:
-    """lacks : what is missing where `met` says no.  cost : what a run then goes without, or what to do."""
+    """lacks : what is missing where `met` says no; "" where the bench says it.
+
+    cost : what a run then goes without, or what to do.
+    """
 
     met: Callable[[Bench], bool]
     lacks: str
@@ -68,6 +71,9 @@ FREE = Need(lambda bench: isinstance(bench.scene, KnownScene) and bool(np.isfini
 HEAT_TERMS = Need(lambda bench: any(name.startswith("heat.stored") for name in bench.outputs),
                   "it gives no heat terms", "the energy balance of a run does not include it")
 
+REFERENCE = Need(lambda bench: bench.reference is not None, "",
+                 "slideline run --swap --compare compares whole runs")
+
 _HEATED = (_input("E_M"), MATTER, FITS, ANY_STEP, _reads("materials.rho"), _reads("materials.c"))
 _EXPANDS = (_input("T"), FREE, FITS, _reads("materials.T_ref"))
 NEEDS: Mapping[str, tuple[Need, ...]] = {
@@ -91,6 +97,7 @@ NEEDS: Mapping[str, tuple[Need, ...]] = {
     "expands freely": (*_EXPANDS, _reads("materials.alpha")),
     "moves rigidly": _EXPANDS,
     "nodes in order": (*_EXPANDS, _reads("materials.alpha")),
+    "agrees with our half": (REFERENCE, MATTER, FITS, ANY_STEP),
 }
 """Name of a check -> what it needs; one that is not named needs nothing."""
 
@@ -99,4 +106,4 @@ def unmet(check: str, bench: Bench) -> Finding | None:
     """Return the row of a check that cannot be made, None where it can."""
     # fault: verify-half: a check is made whatever it needs -> lacking = [] | coupler/test_needs
     lacking = [need for need in NEEDS.get(check, ()) if not need.met(bench)]
-    return not_applicable(check, lacking[0].lacks, lacking[0].cost) if lacking else None
+    return not_applicable(check, lacking[0].lacks or bench.why_none, lacking[0].cost) if lacking else None

@@ -8,6 +8,7 @@ import numpy as np
 
 from coupler.fmu.half import Array, Status
 from coupler.fmu.names import MECHANICAL, THERMAL
+from coupler.verify.agreement import agrees
 from coupler.verify.bench import Bench, Check
 from coupler.verify.border import Finding, failed, not_applicable, passed
 from coupler.verify.heat import answers_gap, answers_pressure, cells_in_order, takes_time, warms
@@ -53,9 +54,10 @@ def _after(bench: Bench, name: str, h: float, n: int) -> Array | None:
     return done.outputs[name]
 
 
+AGREES = "agrees with our half"
 PHYSICS: Mapping[str, Mapping[str, Check]] = {
     THERMAL: {"time passes": takes_time, "substeps converge": converges, "heat warms a body": warms,
               "cells in order": cells_in_order, "answers to a gap": answers_gap,
-              "answers to pressure": answers_pressure},
+              "answers to pressure": answers_pressure, AGREES: agrees},
     MECHANICAL: {"substeps converge": converges, "expands freely": expands, "moves rigidly": rigid,
-                 "nodes in order": nodes_in_order}}
+                 "nodes in order": nodes_in_order, AGREES: agrees}}

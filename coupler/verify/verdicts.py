@@ -32,6 +32,7 @@ from coupler.trust.checks import Check, TrustVerdict
 from coupler.verify.border import CheckVerdict, Finding, conclusion
 from coupler.verify.child import ALIVE, LIMIT, findings_of
 from coupler.verify.matter import known_scene
+from coupler.verify.reference import Reference, built, reference_of
 
 MOST = 300.0  # s that the checks of a half may take before a run; what is not made by then is told
 ROW = "halves of other packages"  # of the trust table
@@ -158,7 +159,8 @@ def _verdict(half: _Subject, how: Verify, elsewhere: bool, tell: Callable[[str],
     if how is Verify.NEVER:
         return HalfVerdict(half.name, half.kind, why_not=LEFT_OUT)
     scene, step, reads = half.scene, half.step, half.reads
-    file = cache_directory() / VERDICTS / f"{_key(half.fmu, scene, step, reads)}.json"
+    reference = reference_of(half.scenario, half.name, reads)
+    file = cache_directory() / VERDICTS / f"{_key(half.fmu, scene, step, reads, reference)}.json"
     kept = None if how is Verify.ANEW else read_verdict(file)
     if kept is not None:
         return HalfVerdict(half.name, half.kind, kept, known=True)
@@ -172,7 +174,9 @@ def _verdict(half: _Subject, how: Verify, elsewhere: bool, tell: Callable[[str],
         with scratch_folder() as scratch:
             folder = scratch / "verify"
             folder.mkdir()
-            findings = tuple(findings_of(half.fmu, folder, step, scene, limit, reads=reads, most=most))
+            own, why_none = built(reference, scratch / "own")
+            findings = tuple(findings_of(half.fmu, folder, step, scene, limit, reads=reads, most=most, reference=own,
+                                         why_none=why_none))
     except HalfError as exc:
         if not elsewhere:
             raise
@@ -185,10 +189,13 @@ def _verdict(half: _Subject, how: Verify, elsewhere: bool, tell: Callable[[str],
     return HalfVerdict(half.name, half.kind, findings)
 
 
-def _key(fmu: Path, scene: BorderScene | None, step: float, reads: frozenset[str] | None) -> str:
+def _key(fmu: Path, scene: BorderScene | None, step: float, reads: frozenset[str] | None, reference: Reference) -> str:
     """All that a verdict depends on, in 32 hex digits."""
     told: dict[str, Any] = {"fmu": hashlib.sha256(fmu.read_bytes()).hexdigest(), "step": step,
                             "reads": None if reads is None else sorted(reads)}
+    # fault: a verdict is taken over to a scene whose laws are others -> told["own"] = {} |
+    #   coupler/test_reference
+    told["own"] = reference.key
     checks = checks_hash()
     if scene is None:
         return hashlib.sha256(json.dumps([told, checks], sort_keys=True).encode()).hexdigest()[:32]

@@ -229,8 +229,9 @@ def test_an_honest_half_passes_everything():
     findings = found(Honest)
     # No scene is known here.
     assert verdicts(findings, CheckVerdict.PASS) == set(findings) - {
-        "starts as the scene", "answers to pressure", "answers to a gap", "heat warms a body", "cells in order"}
-    assert len(findings) == 30
+        "starts as the scene", "answers to pressure", "answers to a gap", "heat warms a body", "cells in order",
+        "agrees with our half"}
+    assert len(findings) == 31
     assert findings["takes substeps"].reason == "of 0.5 s"  # 1 s is refused, and halved
 
 
