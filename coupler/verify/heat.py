@@ -167,7 +167,8 @@ def warms(bench: Bench, check: str) -> Finding:
         if abs(mean - WARMED) > HEAT_OFF * WARMED:
             return failed(check, f"{WARMED * share.sum():.6g} J in body {scene.interface.bodies[b]!r} warm it by "
                           f"{mean:.6g} K, not Q/(rho c V) = {WARMED:g} K",
-                          "E_M are joules of the substep in each cell, of a metre of depth or of the whole turn")
+                          "E_M are joules of the substep in each cell, of a metre of depth or of the whole turn; "
+                          "a cell holds rho c V of them a kelvin")
     return passed(check)
 
 
