@@ -19,24 +19,22 @@ from thermal_fmu import phase_change
 from thermal_fmu.boundary import Heat, names_of, no_heat
 from thermal_fmu.cells import (
     BadPropertyError,
-    CellBlock,
     CellGeometry,
     InvertedMeshError,
     ReferenceCells,
     capacities,
     shapes_of,
-    tensors,
 )
 from thermal_fmu.conditions import NOTHING_COUNTED, HeatSoFar, n_heats, named_heats, no_heat_yet
 from thermal_fmu.contact_quadrature import ContactPoints, contact_points, touching
 from thermal_fmu.elsewhere import begun_with, course_of, course_outputs, course_variables, damps_of
-from thermal_fmu.kernels import at_points, mean_flux
+from thermal_fmu.flux import heat_flux
 from thermal_fmu.known import KnownRange, range_of, widened
 from thermal_fmu.linear import AnchorMatrix, Factors
+from thermal_fmu.mesh_error import NOTHING_MISSED, MeshError, MissedHeat, SubstepHeat, mesh_variables, nothing_missed
 from thermal_fmu.methods import DAMPED_SUBSTEPS, METHOD_NUMBERS, TimeMethod
 from thermal_fmu.newton import NotConvergedError
-from thermal_fmu.phase_change import NodalFields
-from thermal_fmu.problem import Conductivity, Model, parse_foreign, parse_model
+from thermal_fmu.problem import Model, parse_foreign, parse_model
 from thermal_fmu.program import ThermalProgram, refuse_beyond
 from thermal_fmu.program_stage import AGREED
 from thermal_fmu.scene import ThermalScene, freeze, with_friction
@@ -131,25 +129,6 @@ def field_outputs(scene: ThermalScene, shapes: Sequence[CellGeometry], s: Floats
     return Outputs(out, ("q",), lambda: {"q": heat_flux(scene, shapes, at)})
 
 
-def heat_flux(scene: ThermalScene, shapes: Sequence[CellGeometry], at: NodalFields) -> Floats:
-    """Return (n_cells, 2) cell means of -k grad T [W/m2]."""
-    q = np.empty((scene.volume.n_cells, 2))
-    for block, shape in zip(scene.volume.blocks, shapes, strict=True):
-        K = _conductivity(scene.model.parts[block.part].material.k, block, shape, at)
-        q[block.numbers] = mean_flux(at.T, block.cells, shape.G, K, shape.dC)
-    return q
-
-
-def _conductivity(k: Conductivity, block: CellBlock, shape: CellGeometry, at: NodalFields) -> Floats:
-    """Return k at quadrature points [W/mK]: (ne, nq, 1) where isotropic and of one phase, else (ne, nq, 3)."""
-    N = block.table.N
-    T_q = np.empty(shape.dV.shape) if k.is_constant else at_points(at.T, block.cells, N)
-    if k.is_plain:
-        return np.asarray(k.k_1(T_q)[:, :, None])
-    f_q = None if at.f_s is None else at_points(at.f_s, block.cells, N)
-    return tensors(k, T_q, f_q, shape.turn).K
-
-
 # The half
 
 ROUNDING = 4.0 * np.finfo(float).eps  # of the heat a body holds: start and end of a step, and what went between
@@ -165,7 +144,7 @@ class ThermalState:
     damped.  stored : enthalpy gained since the start [J].  anchor : the matrix whose factors the next solve starts
     from, anchor_S : likewise of the entropy part.  controller : of adaptive inner steps.
     given : heat since the start, by condition.  known : the data of bodies so far; None: as they are.
-    rate : (n,) at which s moved in the last (inner) step [K/s]; None: in none yet.
+    rate : (n,) at which s moved in the last (inner) step [K/s]; None: in none yet.  missed : by the mesh, so far.
     """
 
     s: Floats
@@ -179,6 +158,7 @@ class ThermalState:
     given: HeatSoFar = NOTHING_COUNTED
     known: KnownRange | None = None
     rate: Floats | None = None
+    missed: MissedHeat = NOTHING_MISSED
 
 
 class ThermalHalf:
@@ -210,6 +190,7 @@ class ThermalHalf:
         self._rounding = 0.0
         self.variables = _variables(self._scene)
         self._named = named_heats(interface, self._scene.model)
+        self._mesh_error = None if foreign else MeshError(self._scene)
 
     def start(self, inputs: Values, t: float, link: Link) -> tuple[ThermalState, Mapping[str, Value]]:
         """Set T = T0 everywhere; a prescribed temperature acts from the first substep.  The first x is the reference.
@@ -220,7 +201,8 @@ class ThermalHalf:
         X = np.array(inputs["x"], dtype=np.float64)
         T = scene.start(self._masses_of(X))
         state = ThermalState(phase_change.unknown(scene.melting, T), X, whole(inputs, "control.event"), DAMPED_SUBSTEPS,
-                             0.0, given=no_heat_yet(n_heats(scene.interface, scene.model)), known=range_of(scene, T))
+                             0.0, given=no_heat_yet(n_heats(scene.interface, scene.model)), known=range_of(scene, T),
+                             missed=nothing_missed(len(scene.interface.bodies)))
         points = contact_at(scene.surfaces, X, inputs, link)
         touched = touching(points, scene.model.solved)
         outputs = self._outputs(state, no_heat(len(scene.model.bodies)), touched, None, T) | self._counts(0, 0)
@@ -307,7 +289,7 @@ class ThermalHalf:
         # fault: anchor not part of the state -> new = ThermalState(done.s, state.X, event, result.damped, stored, None,
         #   anchor_S, controller, given, | thermal_fmu/test_thermal_solver
         new = ThermalState(done.s, state.X, event, result.damped, stored, done.anchor, anchor_S, controller, given,
-                           known, result.rate)
+                           known, result.rate, self._missed(state, substep.shapes, x, done, h))
         T_n = phase_change.temperature(scene.melting, state.s)
         outputs = self._outputs(new, done.heat, substep.touching, done, T_n)
         # fault: heat given off with the sign of heat taken up -> fields = field_outputs(scene, substep.shapes, new.s,
@@ -318,6 +300,16 @@ class ThermalHalf:
                                       damps_of(result.done.damped, result.done.overshoots))
         counts = self._counts(result.substeps, result.rejected)
         return Done(new, replace(fields, now=outputs | dict(fields.now) | counts))
+
+    def _missed(self, state: ThermalState, shapes: tuple[CellGeometry, ...], x: Floats, done: ThermalStep,
+                h: float) -> MissedHeat:
+        if self._mesh_error is None:
+            return state.missed
+        step = SubstepHeat(h, np.array(state.s), done.s, done.moved, done.inside)
+        # fault: what the mesh missed before is forgotten -> return self._mesh_error.after(nothing_missed(
+        #   state.missed.heat.size), shapes, x, step) |
+        #   thermal_fmu/test_mesh_error::test_what_was_missed_is_part_of_the_state
+        return self._mesh_error.after(state.missed, shapes, x, step)
 
     def _counts(self, substeps: int, rejected: int) -> dict[str, Value]:
         if self._scene.model.stated.adaptive is None:
@@ -352,6 +344,7 @@ class ThermalHalf:
             "heat_stored": state.stored,
             "heat_moved": heat.moved,
             "heat_rounding": self._rounding,
+            **({} if self._mesh_error is None else self._mesh_error.outputs(state.missed)),
             "contact.touching": float(touching),
             **({} if self._scene.program is None else {"program.runs": float(done.runs) if done else 0.0,
                                                        "program.tolerance": self._allowed(T, T_n) if done else 0.0}),
@@ -367,7 +360,8 @@ def _variables(scene: ThermalScene) -> tuple[Variable, ...]:
         Variable("program.runs", description="runs of the program in the substep"),
         Variable("program.tolerance", unit="J", description="heat by which program and surface may differ in the "
                  "substep"))
-    return (*face_variables(scene.interface, scene.model), *inner, rounding, *runs, *field_variables(scene))
+    missed = mesh_variables(scene) if scene.given is None and scene.program is None else ()
+    return (*face_variables(scene.interface, scene.model), *inner, rounding, *runs, *missed, *field_variables(scene))
 
 
 def load(interface: Interface, spec: Mapping[str, Any]) -> ThermalHalf:

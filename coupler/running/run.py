@@ -76,6 +76,7 @@ from coupler.schemes.ledger import Ledger
 from coupler.schemes.mapped import joined
 from coupler.schemes.state import ACROSS, OFF_MESH, SHAPE_OFF, CoupledState
 from coupler.trust.equilibrium import OUTPUT as STABLE
+from coupler.trust.heat_mesh import heat_mesh_outputs
 from coupler.trust.mesh import mesh_outputs
 from coupler.trust.watch import TrustLog, TrustWatch
 from coupler.verify.verdicts import HalfVerdict, Verify, trust_rows, verdicts_of
@@ -200,7 +201,8 @@ class Run:
             self.notes += self._outputs.notes
             self._both, self._each_window = both, together(self._probes.names, self._conditions.names,
                                                            self._outputs.names, friction_names(both["mechanical"]))
-            self._of_mesh = {"mechanical": mesh_outputs(both["mechanical"].blocks)}
+            self._of_mesh = {"mechanical": mesh_outputs(both["mechanical"].blocks),
+                             "thermal": heat_mesh_outputs(both["thermal"].blocks)}
             self._choice = frame_choice(self.scenario.output.most, self.scenario.coupling.end, len(interface.nodes),
                                         self._outputs.fields)
             self._at = first(first_state(launched, self.halves, interface, self.scenario.coupling.end,
@@ -420,9 +422,10 @@ class Run:
         return Look(self._both, together(self._each_window, *more))
 
     def _looked_at_mesh(self, look: Look) -> TrustLog:
-        """Return the trust log with what the mesh misses now."""
-        told = look.read("mechanical", self._of_mesh["mechanical"])
-        return self._trust_watch.looked_at_mesh(self._trust, {n: float(v) for n, v in told.items()}, self.state.now.t)
+        """Return the trust log with what the meshes miss now."""
+        told, of_heat = ({n: float(v) for n, v in look.read(role, self._of_mesh[role]).items()}
+                         for role in ("mechanical", "thermal"))
+        return self._trust_watch.looked_at_mesh(self._trust, told, of_heat, self.state.now.t)
 
     def _record(self, tried: Tried, look: Look) -> None:
         facts: dict[str, float | str] = {"t": tried.t, "H": tried.H, "seconds": tried.seconds}

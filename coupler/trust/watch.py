@@ -18,6 +18,7 @@ from coupler.trust import (
     carried,
     equilibrium,
     errors,
+    heat_mesh,
     mesh,
     passing,
     penetration,
@@ -56,6 +57,7 @@ class TrustLog:
     tables: tables.TableLog = field(default_factory=tables.TableLog)
     across: across.AcrossLog = field(default_factory=across.AcrossLog)
     mesh: mesh.MeshLog = field(default_factory=mesh.MeshLog)
+    heat_mesh: heat_mesh.HeatMeshLog = field(default_factory=heat_mesh.HeatMeshLog)
     windows: int = 0
     forced: int = 0
     forced_t: float = 0.0
@@ -78,6 +80,9 @@ class TrustWatch:
         self._sides = passing.Sides(interface)
         pairs = models["mechanical"].get("pairs", {})
         self._yields = penetration.Yields(interface, {n for n, p in pairs.items() if p.get("augmented")})
+        of_heat = models["thermal"].get("pairs", {})
+        self._meeting = [(pair.slave.partition(".")[0], pair.master.partition(".")[0]) for pair in interface.pairs
+                         if of_heat.get(pair.name)]
         self._tables = tables.MaterialTables(interface, models)
         self._prescribed = models["mechanical"].get("half") == "rigid"
         self._inside = np.flatnonzero(interface.node_body >= 0)
@@ -131,9 +136,14 @@ class TrustWatch:
         """Return the log after the mechanical half told at t [s] in how many directions its equilibrium is unstable."""
         return replace(log, equilibrium=equilibrium.watched(log.equilibrium, directions, t))
 
-    def looked_at_mesh(self, log: TrustLog, told: Mapping[str, float], t: float) -> TrustLog:
-        """Return the log after a look at what the mesh misses at t [s].  told : outputs by name (mesh.py) [J]."""
-        return replace(log, mesh=mesh.watched(log.mesh, told, t))
+    def looked_at_mesh(self, log: TrustLog, told: Mapping[str, float], of_heat: Mapping[str, float],
+                       t: float) -> TrustLog:
+        """Return the log after a look at what meshes miss at t [s].
+
+        told : outputs of the mechanical half by name (mesh.py) [J].  of_heat : of the thermal half (heat_mesh.py) [K].
+        """
+        return replace(log, mesh=mesh.watched(log.mesh, told, t),
+                       heat_mesh=heat_mesh.watched(log.heat_mesh, of_heat, t))
 
     def mended(self, log: TrustLog, found: stability.Mended, t: float, H: float) -> TrustLog:
         """Return the log after a window of H to t [s] was put back because the exchange rings in it."""
@@ -155,6 +165,7 @@ class TrustWatch:
             *carried.checks(log.carried, log.temperatures.most - log.temperatures.least,
                             "thermal" in self._own_meshes),
             *carried.shape_checks(log.shapes, "mechanical" in self._own_meshes),
+            *heat_mesh.checks(log.heat_mesh, log.temperatures.span, self._meeting),
             *mesh.checks(log.mesh),
             *across.checks(log.across, log.temperatures.span),
             *rhythm.checks(log.rhythm, self._place(log.rhythm.node), self._interface.bodies),

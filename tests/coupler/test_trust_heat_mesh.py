@@ -1,0 +1,115 @@
+"""Cells too large for heat: what the thermal half tells of its mesh ends in the trust table, and in exit code 4."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+sys.path.insert(0, str(Path(__file__).parent))
+from mesh_scenes import block_meshes
+from several_scenes import TWO, blocks, ran
+
+from coupler import Results, load_scenario, run
+from coupler.fmu.launch import launch
+from coupler.running.run import resume
+from coupler.trust import heat_mesh
+
+WALL = """
+slideline: 2
+units: {{temperature: K}}
+geometry: plane
+materials:
+  steel: {{rho: 7800, c: 500, k: 45, alpha: 0}}
+bodies:
+  wall: {{mesh: {{rectangle: {{origin: [0, 0], size: [0.1, 0.02], cells: {cells}}}}}, material: steel, T0: 300}}
+thermal:
+  half: thermal
+  boundary: [{{on: wall.left, {how}}}]
+mechanical: {{half: rigid, rigid: {{motion: {{wall: {{}}}}}}}}
+coupling: {{scheme: staggered, end: {end}, windows: [{{until: {end}, size: {size}}}]}}
+output: {{checkpoint: 0}}
+"""
+SHOCK, FILM = "temperature: 800", "convection: {h: 40, T: 800}"
+SHORT = {"coupling.end": 24, "coupling.windows": [{"until": 24, "size": 4}], "output.checkpoint": 0}
+
+
+def scene(folder, cells="[10, 2]", how=SHOCK, end=2, size=1):
+    file = folder / "wall.yaml"
+    file.write_text(WALL.format(cells=cells, how=how, end=end, size=size))
+    return file
+
+
+def check_of(rows):
+    return next((c for c in rows if c.name == heat_mesh.NAME), None)
+
+
+@pytest.mark.parametrize(("cells", "how", "end", "size", "verdict"), [
+    ("[10, 2]", SHOCK, 2, 1, "broken"),  # takes in 30 % too much
+    ("[10, 2]", SHOCK, 8, 1, "noted"),  # 8 %
+    ("[10, 2]", SHOCK, 60, 2, "holds"),  # what was wrong in its first seconds is made good
+    ("[100, 2]", SHOCK, 2, 0.1, "holds"),  # 1 mm
+    ("[10, 2]", FILM, 60, 2, "holds")])  # Biot number of a cell below 0.01
+def test_a_wall_by_its_cells(tmp_path, cells, how, end, size, verdict):
+    result = run(load_scenario(scene(tmp_path, cells, how, end, size)), tmp_path / "run.h5")
+    check = check_of(result.trust)
+    assert check.verdict == verdict
+    if verdict != "holds":
+        assert check.t == end
+        assert "the cells of wall are too large" in check.sentence
+        assert "times as many cells" in check.sentence
+
+
+def test_the_command_line_ends_with_4_and_processes_tell_the_same(tmp_path):
+    file, told = scene(tmp_path), []
+    for more in ([], ["--processes"]):
+        out = tmp_path / f"run{len(more)}.h5"
+        command = [sys.executable, "-m", "coupler.cli", "run", str(file), "--out", str(out), *more]
+        done = subprocess.run(command, capture_output=True, text=True, timeout=300, check=False)
+        assert done.returncode == 4, done.stdout + done.stderr
+        told.append(check_of(Results(out).trust))
+    assert told[0] == told[1]
+
+
+def test_a_run_that_went_on_tells_the_same(tmp_path):
+    file = scene(tmp_path, end=8)
+    whole = run(load_scenario(file), tmp_path / "whole.h5")
+    run(load_scenario(file), tmp_path / "part.h5", until=3.0)
+    parts = resume(tmp_path / "part.h5")
+    assert check_of(parts.trust) == check_of(whole.trust)
+
+
+def test_it_is_an_output_of_each_body(tmp_path):
+    with launch(load_scenario(scene(tmp_path)), processes=False) as halves:
+        assert heat_mesh.heat_mesh_outputs(halves.thermal.blocks) == ["mesh.T_missed.wall"]
+        assert halves.thermal.blocks["mesh.T_missed.wall"].unit == "K"
+        assert heat_mesh.heat_mesh_outputs(halves.mechanical.blocks) == []
+
+
+@pytest.mark.parametrize("more", [{"thermal.halves": TWO}, {"thermal.meshes": block_meshes((3, 4), (4, 4), (5, 4))}],
+                         ids=["several halves", "a mesh of its own"])
+def test_however_bodies_are_divided_it_is_told(tmp_path, more):
+    file = blocks(tmp_path)
+    one, other = (check_of(ran(file, tmp_path / f"{n}.h5", SHORT | changes).trust) for n, changes in (
+        ("one", {}), ("other", more)))
+    assert other.number == pytest.approx(one.number, rel=1e-6)
+    assert other.number > 5e-4
+
+
+def test_what_bodies_that_meet_miss_is_added():
+    assert heat_mesh.checks(heat_mesh.HeatMeshLog(), 1.0, ()) == ()
+    names = {"mesh.T_missed.a": 3.0, "mesh.T_missed.b": 4.0, "mesh.T_missed.c": 6.0}
+    log = heat_mesh.watched(heat_mesh.HeatMeshLog(), names, 2.0)
+    for meeting, number in (((), 0.06), ((("a", "b"),), 0.07), ((("a", "b"), ("b", "c")), 0.1),
+                            ((("c", "c"), ("a", "elsewhere")), 0.06)):
+        (check,) = heat_mesh.checks(log, 100.0, meeting)
+        assert check.number == pytest.approx(number)
+        assert (check.verdict, check.t) == ("noted", 2.0)
+    assert "b and c" not in check.sentence
+    assert heat_mesh.watched(log, {}, 3.0) == log
+    (rest,) = heat_mesh.checks(heat_mesh.watched(log, dict.fromkeys(names, 0.0), 1.0), 0.0, ())
+    assert (rest.number, rest.verdict) == (0.0, "holds")
+    (check,) = heat_mesh.checks(heat_mesh.watched(log, {"mesh.T_missed.a": 45.0}, 1.0), 100.0, ())
+    assert (check.verdict, "3 times as many cells" in check.remedy) == ("broken", True)
