@@ -16,6 +16,7 @@ from mechanical_fmu.system import Loading, System
 from mechanical_fmu.volume import PointStep, von_mises
 
 Floats = NDArray[np.float64]
+NORMAL = np.array([1.0, 1.0, 0.0, 1.0])  # of the components 11, 22, 12, 33
 
 
 @dataclass(frozen=True)
@@ -42,7 +43,20 @@ def stress_variables(system: System) -> tuple[Variable, ...]:
     hoop = (Variable("sigma_hoop", (n,), unit="Pa", description="hoop stress, cell mean", on="cells"),)
     return (Variable("sigma_v", (n,), unit="Pa", description="von Mises stress, cell mean", on="cells"),
             Variable("sigma", (n, 4), unit="Pa", description="stress 11, 22, 12, 33, cell mean", on="cells"),
-            *(hoop if system.interface.axisymmetric else ()), *strains)
+            *(hoop if system.interface.axisymmetric else ()), *strains,
+            *((Variable("elastic_strain", (n, 4), unit="1", on="cells",
+                        description="strain 11, 22, 12, 33 that the stress needs by linear elasticity, cell mean"),)
+              if _remembers(system) else ()))
+
+
+def _remembers(system: System) -> bool:
+    """Whether stress may change while shape and temperature stay: something flows or creeps, and its stress is known.
+
+    Elsewhere stress follows from x and T.
+    """
+    # fault: bodies that creep do not tell their elastic strain -> return False |
+    #   coupler/test_estimate_strain::test_stress_that_relaxes_is_as_exact_as_its_tolerance
+    return system.volume.makes_heat and system.volume.tells_stress
 
 
 def mesh_variables(system: System) -> tuple[Variable, ...]:
@@ -81,6 +95,18 @@ def _of_mesh(system: System, stress: list[Floats], moduli: tuple[Moduli, ...]) -
             for what, of in (("missed", missed), ("energy", energy))}
 
 
+def _elastic_strain(system: System, sigma: Floats, moduli: tuple[Moduli, ...]) -> Floats:
+    """(n_cells, 4) strain [1], 11, 22, 12 (of the tensor), 33, of stress sigma : (n_cells, 4) [Pa]."""
+    strain = np.zeros_like(sigma)
+    for cells, m in zip(system.volume.kinds, moduli, strict=True):
+        of = sigma[cells.number]
+        p = of[:, [0, 1, 3]].mean(axis=1)
+        # fault: pressure alone has no elastic strain -> squeezed = np.zeros_like(p) | mechanical_fmu/test_fields
+        squeezed = p / (3.0 * m.kappa) - p / (2.0 * m.mu)
+        strain[cells.number] = of / (2.0 * m.mu[:, None]) + squeezed[:, None] * NORMAL
+    return strain
+
+
 def _stresses(system: System, found: StepResult, moved: Moved) -> Outputs:
     """(n_cells, 4) stress [Pa] and strain [1], 11, 22, 12, 33, and (n_cells,) von Mises stress [Pa], means in a cell.
 
@@ -106,6 +132,8 @@ def _stresses(system: System, found: StepResult, moved: Moved) -> Outputs:
     out: dict[str, Value] = {"strain": strain, "max_strain_increment": increment}
     if volume.tells_stress:
         out |= {"sigma": sigma, "sigma_v": sigma_v}
+    if _remembers(system):
+        out["elastic_strain"] = _elastic_strain(system, sigma, moduli)
     if system.interface.axisymmetric and volume.tells_stress:
         # fault: the axial stress is told as the hoop stress -> out["sigma_hoop"] = sigma[:, 1].copy() |
         #   mechanical_fmu/test_fields

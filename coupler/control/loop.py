@@ -212,7 +212,7 @@ def _estimated(at: Committed, plan: Plan, solved: Solved) -> Estimate | None:
     if plan.adaptive is None or not solved.taken:
         return None
     return error_estimate.estimate(at.control.estimate, at.state, solved, plan.adaptive.tolerance,
-                                   at.control.settings.iteration)
+                                   at.control.settings.iteration, plan.cells)
 
 
 @dataclass(frozen=True)
@@ -241,9 +241,11 @@ def _looked(window: _Taken, verdict: Decision, in_one: NDArray[np.float64]) -> t
     taken = spare.Window(window.at.state, window.span, window.options, window.saved, solved)
     number, level = window.at.control.number, window.options.settings.iteration.level
     if solved.whole is not None and in_one.size:
-        factor = error_estimate.doubling_of(window.at.state, solved, level).halves
-        seen = replace(seen, error=spare.difference(seen.values, in_one, factor))
-    elif spare.wanted(memory, seen, number, plan) and spare.can_look(window.halves, window.span):
+        kept, whole = (spare.factors(window.at.state, solved, level, plan, kept_in_halves=h) for h in (True, False))
+        seen = replace(seen, error=spare.difference(seen.values, in_one, kept),
+                       in_one=spare.difference(seen.values, in_one, whole))
+    elif spare.can_look(window.halves, window.span) and spare.wanted(
+            memory, seen, number, plan, last=finished(Committed(solved.state, control), plan)):
         seen = spare.look(window.halves, taken, plan, seen)
         memory = spare.spent(memory, seen, number)
     known = None

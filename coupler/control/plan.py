@@ -10,6 +10,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from coupler.control.body_strain import NO_CELLS, BodyCells
 from coupler.control.contact_status import Branch, ContactStatus, PairNodes, contact_status, side
 from coupler.scenario.options import Adaptive, Iteration, OnCycle, OnUnstable, Scheme
 from coupler.scenario.rule_model import Rule
@@ -54,6 +55,7 @@ class Plan:
     adaptive : None where windows end as the schedule says; else its bounds are only those that must be met.
     steady : stop once max |dT/dt| stays below this [K/s]; 0: never.  probed : a level -> the values of the probes.
     watched : a level, at which the halves are -> (n,) in SI of what errors are estimated; (0,): of nothing.
+    mechanical : (n,) which of those the mechanical half makes; (0,): none.  cells : of each body, of the scene's mesh.
     """
 
     schedule: Schedule
@@ -68,6 +70,8 @@ class Plan:
     rules: Sequence[Rule] = ()
     probed: Callable[[Level], Mapping[str, float]] = lambda level: {}
     watched: Callable[[Level], NDArray[np.float64]] = lambda level: np.empty(0)
+    mechanical: NDArray[np.bool_] = field(default_factory=lambda: np.empty(0, dtype=bool))
+    cells: BodyCells = NO_CELLS
 
     @property
     def settings(self) -> Settings:

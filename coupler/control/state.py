@@ -121,7 +121,8 @@ def monitors(control: ControlState, span: Span, solved: Solved, error: Estimate 
     if error is not None:
         found["error"] = error.error
         for name, parts in (("error", error.shares), ("splitting", error.splitting), ("own", error.own)):
-            found |= {f"{name}.{n}": v for n, v in parts.items()}
+            of_all = {q: error.largest(parts, q) for q in error_estimate.QUANTITIES}
+            found |= {f"{name}.{q}": v for q, v in of_all.items() if v is not None}
     ledger = Ledger().after(solved.terms)
     return found | {"imbalance": ledger.imbalance}
 

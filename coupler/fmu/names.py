@@ -45,6 +45,7 @@ BLOCKS: Mapping[str, Face] = {
     "surface.E": Face(OUT, "", "J", 1),
     "sigma": Face("", OUT, "Pa", 2),
     "sigma_v": Face("", OUT, "Pa", 1),
+    "elastic_strain": Face("", OUT, "1", 2),
     "max_strain_increment": Face("", OUT, "1", 0),
     "max_dT": Face(OUT, "", "K", 0),
     "heat_stored": Face(OUT, "", "J", 0),
@@ -78,7 +79,7 @@ _FAMILIES: Mapping[str, Face] = {
 SAME_LENGTH = (("T", "x", "f_s"),
                ("contact.t_N", "contact.gap", "contact.covered", "contact.t_T", "contact.slip_share",
                 "contact.slip", "contact.slip_path", "contact.E_friction"), ("surface.T", "surface.E"),
-               ("E_M", "E_S", "q", "sigma", "sigma_v"))
+               ("E_M", "E_S", "q", "sigma", "sigma_v", "elastic_strain"))
 NEEDED: Mapping[str, tuple[str, ...]] = {THERMAL: ("T", "x"), MECHANICAL: ("x",)}
 
 

@@ -29,7 +29,7 @@ from coupler.fmu.outputs import (
 from coupler.record.look import Look
 from coupler.record.tables import FRICTION
 from coupler.scenario.conditions import OUTPUT, ConditionOutput
-from coupler.scenario.probes import AT_CONTACT, Probe
+from coupler.scenario.probes import AT_CONTACT, OF_MECHANICS, Probe
 from coupler.schemes.levels import Level
 from coupler.schemes.state import Halves
 
@@ -210,6 +210,12 @@ class ProbeReader:
         """Role -> the outputs behind probes."""
         return {role: list({s.block.name: 0 for s in self._sources.values() if s.half == role})
                 for role in self._halves}
+
+    @property
+    def mechanical(self) -> NDArray[np.bool_]:
+        """(n_probes,) whether the mechanical half makes what a probe shows, in their order."""
+        return np.array([p.half == "mechanical" or p.quantity in OF_MECHANICS for p in self._probes.values()],
+                        dtype=bool)
 
     def values(self, level: Level, look: Look | None = None) -> Array:
         """Return the probes (n_probes,) in SI, in their order; the halves are at the time of the level.

@@ -22,8 +22,7 @@ from coupler.record.journal import Journal, Mark
 from coupler.record.observe import contact_field
 from coupler.record.paths import check_target, drop, journal_of, take_up
 from coupler.record.tables import (
-    ERROR_FIELDS,
-    ESTIMATE_FIELDS,
+    ERROR_QUANTITIES,
     ITERATE_FIELDS,
     TIMING,
     WINDOW_FIELDS,
@@ -194,15 +193,18 @@ def _values_of(record: WindowRecord) -> dict[str, Any]:
                             "fired": [[f.rule, f.text, dict(f.values)] for f in record.fired]}
     if record.error is not None:
         values["estimate"] = estimated(record.error)
-        values["errors"] = [record.error.errors.get(n, math.nan) for n, _ in ERROR_FIELDS[1:]]
+        values["errors"] = [_or_nan(record.error.largest(record.error.errors, n)) for n in ERROR_QUANTITIES]
     return {n: v for n, v in values.items() if v}
 
 
 def estimated(error: Estimate) -> list[float]:
     """A row as in ESTIMATE_FIELDS from the first quantity on; nan for what is not known."""
     parts = {"": error.shares, "_splitting": error.splitting, "_own": error.own}
-    found = {f"{quantity}{part}": v for part, values in parts.items() for quantity, v in values.items()}
-    return [found.get(n, math.nan) for n, _ in ESTIMATE_FIELDS[1:]]
+    return [_or_nan(error.largest(parts[part], quantity)) for quantity in ERROR_QUANTITIES for part in parts]
+
+
+def _or_nan(value: float | None) -> float:
+    return math.nan if value is None else value
 
 
 def iterated(history: IterationHistory | None) -> dict[str, float | int]:

@@ -146,13 +146,13 @@ ITERATE_FIELDS: tuple[tuple[str, str], ...] = (
 """Columns of the iterates table, one row an iterate: row of the windows table (from 0), number in the window (from
 1), differences in units of their tolerances, factor of the step that led to it."""
 
-ERROR_FIELDS: tuple[tuple[str, str], ...] = (
-    ("window", "i4"), ("temperature", "f8"), ("gap", "f8"), ("heat", "f8"), ("displacement", "f8"))
+ERROR_QUANTITIES = ("temperature", "gap", "heat", "displacement", "elastic_strain")
+ERROR_FIELDS: tuple[tuple[str, str], ...] = (("window", "i4"), *((quantity, "f8") for quantity in ERROR_QUANTITIES))
 """Columns of the errors table, one row a window whose error is known: row of the windows table (from 0), then the
-largest error that the window made [K, m, J, m], at any node; nan where unknown."""
+largest error that the window made [K, m, J, m, 1], at any node or of any body; nan where unknown."""
 
 ESTIMATE_FIELDS: tuple[tuple[str, str], ...] = (("window", "i4"), *(
-    (f"{quantity}{part}", "f8") for quantity in ("temperature", "gap", "heat", "displacement")
+    (f"{quantity}{part}", "f8") for quantity in ERROR_QUANTITIES
     for part in ("", "_splitting", "_own")))
 """Columns of the estimates table, one row a window tried whose error is known: row of the windows table (from
 0), then of each quantity the error, its part from the exchange and that from the halves' own steps, all in tolerances;

@@ -13,6 +13,7 @@ from matplotlib.ticker import FuncFormatter, LogLocator, MaxNLocator, NullLocato
 from numpy.typing import NDArray
 
 from coupler.record.results import FiredRule, Results
+from coupler.record.tables import ERROR_QUANTITIES
 from coupler.report.curves import kinks_of
 from coupler.report.figures import COLOURS, Picture, counted, draw_kinks, legend_below, number, page_figure, styled, svg
 
@@ -144,10 +145,12 @@ def errors_picture(results: Results) -> Picture | None:
     ax = styled(figure.subplots(), "time [s]", "error [tolerances]")
     ax.set_yscale("log")
     t = w.t[e.window] + w.H[e.window]
-    for k, quantity in enumerate(("temperature", "gap", "heat", "displacement")):
+    # A file of an earlier version may have fewer.
+    for k, quantity in enumerate([q for q in ERROR_QUANTITIES if q in (e.dtype.names or ())]):
         known = np.isfinite(e[quantity]) & (e[quantity] > 0.0)
         if known.any():
-            ax.plot(t[known], e[quantity][known], ".", color=COLOURS[k], markersize=3, label=quantity)
+            ax.plot(t[known], e[quantity][known], ".", color=COLOURS[k], markersize=3,
+                    label=quantity.replace("_", " "))
     ax.axhline(1.0, color="#999999", linewidth=0.7, zorder=1, label="put back above")
     legend_below(figure, ax, columns=5)
     ax.yaxis.set_major_formatter(FuncFormatter(lambda value, _: number(value, 2)))

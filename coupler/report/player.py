@@ -33,7 +33,8 @@ MAPS = {"heat": ("inferno", 0.08, 1.0), "size": ("viridis", 0.0, 1.0), "signed":
 SIGNED = 0.05  # share of the largest below which what is negative is not worth colours of its own
 LOUD, QUIET = 0.995, 0.6  # where this share of all values lies below so much of the largest, the colours end there
 TITLES = {"T": "temperature", "u": "displacement", "q": "heat flux", "f_s": "solid fraction",
-          "sigma_v": "von Mises stress", "sigma": "stress", "strain": "strain", "sigma_hoop": "hoop stress",
+          "sigma_v": "von Mises stress", "sigma": "stress", "strain": "strain",
+          "elastic_strain": "elastic strain", "sigma_hoop": "hoop stress",
           "peeq": "equivalent plastic strain"}
 TENSOR = ((0, "{0}{0}"), (1, "{1}{1}"), (2, "{0}{1}"), (3, "out of plane"))
 

@@ -189,7 +189,8 @@ class Run:
             self._trust_watch = TrustWatch(interface, self.scenario.models, units, self.plan.adaptive is not None,
                                            self.scenario.own_meshes)
             watched = self._probes.measurable if units else self._trust_watch.means
-            self.plan = replace(self.plan, probed=self._probes.named, watched=watched)
+            self.plan = replace(self.plan, probed=self._probes.named, watched=watched,
+                                mechanical=self._probes.mechanical)
             self.notes += what_is_missing(launched.thermal, launched.mechanical, bool(interface.pairs))
             self._asked = launched.asked
             self.notes += without_checkpoints(both, self.scenario.output.checkpoint)

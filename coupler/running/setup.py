@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from contact.half.interface import Interface
 from contact.half.start import start_coordinates
 from coupler.control.auto import chooses, schemes_under
+from coupler.control.body_strain import body_cells
 from coupler.control.contact_status import branches_of, pair_nodes_of, status_monitors
 from coupler.control.plan import Locate, Plan
 from coupler.errors import HalfError
@@ -25,7 +26,7 @@ from coupler.schemes.accounts import HEATS, EnergyAccount
 from coupler.schemes.levels import Level
 from coupler.schemes.schedule import schedule
 from coupler.schemes.schemes import scheme_of
-from coupler.schemes.state import CoupledState, Halves, wanted_outputs
+from coupler.schemes.state import ELASTIC_STRAIN, CoupledState, Halves, wanted_outputs
 
 Array = NDArray[np.float64]
 
@@ -95,10 +96,11 @@ def first_state(launched: Launched, halves: Halves, interface: Interface, end: f
     # fault: a half starts under all of a driven load -> out = mechanical.initialise(0.0, end, _parameters(mechanical,
     #   launched.link), given, [ | scenarios/test_superplastic_bulge
     out = mechanical.initialise(0.0, end, _parameters(mechanical, launched.link), given | own["mechanical"], [
-        n for n in halves.mechanical_outputs if n in ("x", "contact.t_N", "contact.gap", "contact.covered")])
+        n for n in ("x", "contact.t_N", "contact.gap", "contact.covered", ELASTIC_STRAIN)
+        if n in halves.mechanical_outputs])
     now = Level(0.0, first["T"], out["x"], out.get("contact.t_N", np.zeros(n_q)),
                 out.get("contact.gap", np.full(n_q, np.nan)), out.get("contact.covered", np.zeros(n_q)),
-                first.get("f_s"))
+                first.get("f_s"), elastic_strain=out.get(ELASTIC_STRAIN))
     return CoupledState(now, (), 0, accounts_of(mechanical, len(interface.quads) + len(interface.triangles)))
 
 
@@ -175,4 +177,4 @@ def plan_of(scenario: Scenario) -> Plan:
     branches = branches_of(scenario.models["thermal"], interface.pairs, nodes) if c.locate and c.branches else ()
     locate = Locate(c.locate, c.event_tolerance, nodes, branches)
     return Plan(schedule(c.end, c.windows, c.kinks, c.bends), c.scheme, c.substeps, c.iteration, c.adaptive, locate,
-                c.on_cycle, c.on_unstable, c.steady, scenario.rules)
+                c.on_cycle, c.on_unstable, c.steady, scenario.rules, cells=body_cells(interface))

@@ -20,6 +20,7 @@ from coupler.scenario.transfer import SLACK, shapes_at
 UNITS = {"T": "K", "u_x": "m", "u_y": "m", "gap": "m", "p": "Pa", "f_s": "1"}
 """Quantities of the exchange, whose units the border fixes; of any other output its half says the unit."""
 AT_CONTACT = ("gap", "p")
+OF_MECHANICS = ("u_x", "u_y", *AT_CONTACT)
 VALUE = "value"  # in the place of a point: an output that belongs to no place of the mesh
 NONE, NO_WEIGHTS = np.empty(0, dtype=np.int32), np.empty(0)
 

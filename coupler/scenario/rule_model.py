@@ -203,9 +203,9 @@ COUPLER = {
     "failures": "tries in a row that failed", "iterations": "of the exchange, 1 where the scheme does not iterate",
     "contraction": "measured ratio of residuals of plain iteration", "error": "largest error estimate, in tolerances",
     "error.temperature": "tolerances", "error.gap": "tolerances", "error.heat": "tolerances",
-    "error.displacement": "tolerances",
+    "error.displacement": "tolerances", "error.elastic_strain": "tolerances",
     **{f"{part}.{name}": "tolerances" for part in ("splitting", "own")
-       for name in ("temperature", "gap", "heat", "displacement")},
+       for name in ("temperature", "gap", "heat", "displacement", "elastic_strain")},
     "max_T": "hottest node", "max_p": "Pa, largest contact pressure",
     "touching": "contact quadrature points under pressure", "imbalance": "of the heat of the window",
     "thermal.status": "0 well, 1 discarded", "mechanical.status": "0 well, 1 discarded",

@@ -22,6 +22,8 @@ class Level:
     gap : (n_q,) [m], covered : (n_q,) in [0, 1]; for records.
     f_s : (n_nodes,) solid fraction, where the thermal half has it: something melts.
     heat : (n_bodies,) [J] stored since the start of the run, bodies in the order of their names; None: not told yet.
+    elastic_strain : (n_cells, 4) [1], where the mechanical half tells it: its bodies remember, so that their stress may
+    change while x and T stay.  It is not exchanged: errors of windows are measured by it.
     """
 
     t: float
@@ -32,6 +34,7 @@ class Level:
     covered: Array
     f_s: Array | None = None
     heat: Array | None = None
+    elastic_strain: Array | None = None
 
 
 Slope = tuple[Level, Level]  # two levels, the earlier first, between which x and t_N change as over the window

@@ -171,6 +171,7 @@ class Halves:
 
 ACROSS = "across.T_off"  # of a thermal half with one temperature across: how far its surfaces differ from that [K]
 OFF_MESH = "mesh.T_off"  # of a thermal half on a mesh of its own: what the scene's does not hold of T [K]
+ELASTIC_STRAIN = "elastic_strain"  # of a mechanical half whose bodies remember, (n_cells, 4)
 SHAPE_OFF = "mesh.x_off"  # of a mechanical half on a mesh of its own: what the scene's does not hold of x [m]
 
 
@@ -184,7 +185,7 @@ def wanted_outputs(thermal: Half, mechanical: Half, monitors: Collection[str] = 
               or n in (OFF_MESH, ACROSS) or f"thermal.{n}" in monitors)]
     more = [n.removeprefix("mechanical.") for n in sorted(monitors) if n.startswith("mechanical.")]
     wanted = ("x", "contact.t_N", "contact.gap", "contact.covered", *HEATS, "iterations", "contact.touching",
-              DAMPED, SHAPE_OFF)
+              DAMPED, SHAPE_OFF, ELASTIC_STRAIN)
     has = {n for n, b in mechanical.blocks.items() if b.causality == "output"}
     m = [n for n in dict.fromkeys((*wanted, *more)) if n in has]
     return Halves(thermal, mechanical, tuple(t), tuple(m))

@@ -16,7 +16,18 @@ from coupler.scenario.options import Scheme
 from coupler.schemes.accounts import HEATS, Accounts, EnergyAccount, delivered, due, share_of, with_made
 from coupler.schemes.ledger import NO_TERMS, PREFIX
 from coupler.schemes.levels import Level, Slope, between, exchanged, geometry_at
-from coupler.schemes.state import ACROSS, NO_WORK, CoupledState, Halves, IterationHistory, Solved, Span, Verdict, Work
+from coupler.schemes.state import (
+    ACROSS,
+    ELASTIC_STRAIN,
+    NO_WORK,
+    CoupledState,
+    Halves,
+    IterationHistory,
+    Solved,
+    Span,
+    Verdict,
+    Work,
+)
 
 Array = NDArray[np.float64]
 Sent = Mapping[str, Mapping[str, Array]]
@@ -320,4 +331,5 @@ def _level(start: Level, span: Span, thermal: Mapping[str, Array], mechanical: M
     """The level at the end of the window; what a half has not told is as at the start."""
     return Level(span.end, thermal.get("T", start.T), mechanical["x"],
                  mechanical.get("contact.t_N", np.zeros(len(start.t_N))), mechanical.get("contact.gap", start.gap),
-                 mechanical.get("contact.covered", start.covered), thermal.get("f_s"), heat)
+                 mechanical.get("contact.covered", start.covered), thermal.get("f_s"), heat,
+                 mechanical.get(ELASTIC_STRAIN, start.elastic_strain))

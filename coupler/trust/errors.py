@@ -72,7 +72,8 @@ class Looked:
     """What was seen of the probes in one window, (n,) each in SI.
 
     values : at its end.  second : |H^2 v''|.  error : estimate of what the window did wrong; empty where it was not
-    looked at.  solves : of either half that this cost beyond the run's own.
+    looked at.  in_one : what it did wrong solved in one, as windows are that are not looked at; the same as error
+    where that is what was kept.  solves : of either half that this cost beyond the run's own.
     switch : whether contact closes or opens in it, or did in the one before.
     m : what the window makes of a disturbance; nan: not measured.  limit [s] : the longest window that is stable.
     """
@@ -80,6 +81,7 @@ class Looked:
     values: Array
     second: Array
     error: Array = field(default_factory=_empty)
+    in_one: Array = field(default_factory=_empty)
     solves: int = 0
     switch: bool = False
     m: float = math.nan
@@ -159,14 +161,18 @@ def _looked_at(log: ErrorLog, seen: Looked, t: float, bend: Array, apart: NDArra
     known = scale > TINY * seen.error
     unbounded = np.where(seen.error > 0.0, np.inf, 0.0)
     share = float(np.divide(seen.error, scale, out=unbounded, where=known).max(initial=0.0))
-    both = np.where(apart[:, None], np.column_stack([seen.error, seen.second]), 0.0)
+    # Where the answer of two halves is kept, one in one would have been twice to four times as wrong.
+    # fault: windows solved in one are taken for as exact as those kept in halves -> in_one = seen.error |
+    #   coupler/test_trust_errors
+    in_one = seen.in_one if seen.in_one.size else seen.error
+    both = np.where(apart[:, None], np.column_stack([in_one, seen.second]), 0.0)
     smooth = np.where(apart, 0.0, 1.0)
     # fault: what jumped at a switch is carried on to smooth windows -> mild = both |
     #   coupler/test_spare::test_what_switches_inside_a_window_is_told_as_wrong_as_it_is
-    mild = np.where((seen.error <= MOST * seen.second)[:, None], both, 0.0)
+    mild = np.where((in_one <= MOST * seen.second)[:, None], both, 0.0)
     return replace(log, looked=log.looked + 1, known=log.known + seen.error, worst=max(share, log.worst),
                    t=t if share > log.worst else log.t, at_switch=log.at_switch + both, milder=log.milder + mild,
-                   errors=_added(log.errors, smooth * seen.error, bend), bends=_added(log.bends, smooth * bend, bend),
+                   errors=_added(log.errors, smooth * in_one, bend), bends=_added(log.bends, smooth * bend, bend),
                    counts=_added(log.counts, smooth, bend))
 
 

@@ -156,7 +156,7 @@ def test_windows_of_their_own_size_are_recorded_with_reason_error_and_scheme(tmp
     assert len(results.estimates)
     rows = results.estimates.window
     assert np.allclose(w.error[rows], np.nanmax([results.estimates[q] for q in (
-        "temperature", "gap", "heat", "displacement")], axis=0))
+        "temperature", "gap", "heat", "displacement", "elastic_strain")], axis=0))
     assert results.messages.keys() >= set(np.flatnonzero(~w.taken).tolist())
     page = render(results)
     assert "commonest reasons" in page

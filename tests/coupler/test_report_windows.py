@@ -29,7 +29,7 @@ def run(tmp_path: Path) -> Results:
 def with_errors(results: Results, kelvin: float) -> Results:
     """As if every window taken but the last had this error in T."""
     rows = np.flatnonzero(results.windows.taken)[:-1]
-    results.errors = np.array([(k, kelvin, np.nan, np.nan, np.nan) for k in rows],
+    results.errors = np.array([(k, kelvin, *[np.nan] * (len(ERROR_FIELDS) - 2)) for k in rows],
                               dtype=list(ERROR_FIELDS)).view(np.recarray)
     return results
 

@@ -31,6 +31,15 @@ def test_windows_not_looked_at_have_the_ratio_of_those_that_were():
     assert errors.check(log, {"a": "K"}, False).number == pytest.approx(0.0115)
 
 
+def test_windows_solved_in_one_have_the_errors_of_windows_in_one():
+    """In adaptive windows what is measured is kept in halves, a quarter as wrong as those of which nothing is known."""
+    log = errors.begun(np.zeros(1))
+    for k in range(4):
+        looked = {"error": np.array([0.1]), "in_one": np.array([0.4])} if k == 0 else {}
+        log = errors.watched(log, Looked(np.array([10.0 * (k + 1)]), np.array([1.0]), **looked), k + 1.0)
+    assert errors.estimated(log) == pytest.approx([0.1 + 3 * 0.4])
+
+
 def test_the_window_in_which_a_body_touches_tells_nothing_of_those_in_which_it_slides():
     calm = [([0.2 * k], [0.02], []) for k in range(3, 53)]
     log = log_of([([0.2], [0.02], [0.001]), ([0.4], [40.0], [16.0]), *calm])

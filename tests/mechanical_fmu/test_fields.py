@@ -58,6 +58,26 @@ def test_plastic_and_creep_strain_of_cells_have_the_mean_of_the_body(law, told, 
     assert silent not in outputs
 
 
+@pytest.mark.parametrize("more", [{}, {"state": "plane_stress"}])
+def test_elastic_strain_is_that_of_the_stress_by_hookes_law(more):
+    """A block that flows, drawn and sheared: E e = (1 + nu) s - nu tr(s), and nothing is told where nothing flows."""
+    draw = {"t": [0.0, 5.0], "value": [0.0, 5e-3]}
+    held = [hold("block.left", 0), hold("block.bottom", 1), hold("block.right", 0, draw), hold("block.right", 1)]
+    half = elastic(block([0.0, 0.4, 1.0], [0.0, 0.2, 0.5]), held, {**STEEL, "plastic": {"s_y": 5e7}}, **more)
+    state, outputs = half.start(inputs_of(half), 0.0, NoLink())
+    np.testing.assert_array_equal(outputs["elastic_strain"], 0.0)
+    _, outputs = done(half.step(state, inputs_of(half), 0.0, 5.0, NoLink()))
+    s, e = outputs["sigma"], outputs["elastic_strain"]
+    assert np.abs(s).max() > 5e7
+    assert np.abs(s[:, 2]).max() > 1e6
+    trace = s[:, [0, 1, 3]].sum(axis=1)
+    normal = 1.3 * s[:, [0, 1, 3]] - 0.3 * trace[:, None]
+    np.testing.assert_allclose(2e11 * e[:, [0, 1, 3]], normal, rtol=1e-9, atol=1.0)
+    np.testing.assert_allclose(2e11 * e[:, 2], 1.3 * s[:, 2], rtol=1e-9, atol=1.0)
+    other = elastic(block([0.0, 1.0], [0.0, 1.0]), held, STEEL, **more)
+    assert "elastic_strain" not in {v.name for v in other.variables}
+
+
 def test_what_pair_nodes_do():
     told = SimpleNamespace(t_N=np.array([0.0, 0.0, -1.0, -1.0, -1.0]), node_covered=np.array([0.0, 0.5, 1.0, 1.0, 0.2]),
                            slipping=np.array([0.0, 0.0, 0.4, 0.6, 0.0]))
