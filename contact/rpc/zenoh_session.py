@@ -93,15 +93,12 @@ class Session:
         def get(handler: Any) -> None:
             self._zenoh.liveliness().get(key, handler, timeout=1.0)
 
-        return {str(r.ok.key_expr) for r in self._collect(get, 1.0, watch) if r.ok is not None}
+        return {str(r.ok.key_expr) for r in self._asked(get, 1.0).replies(watch) if r.ok is not None}
 
-    def ask(self, key: str, payload: bytes, label: str, timeout: float, watch: Callable[[], None],
-            taken: Callable[[QueryAnswer], bool]) -> list[QueryAnswer]:
-        """Ask a question; return the answers up to the first that is taken; others may come before it.
+    def ask(self, key: str, payload: bytes, label: str, timeout: float) -> Asked:
+        """Ask a question, whose answers may be had later; `answers` waits for them.
 
-        None at all: nobody has the key, or its owner died, or the line is cut.
-        timeout : seconds.  watch : called while waiting; may raise what ends the wait.  taken : whether an answer is
-        the one that was waited for.
+        timeout : seconds.  Raises LinkError where it cannot be asked.
         """
         # All that have the key: a stranger who declares it too could otherwise be the only one who is asked.
         # fault: a stranger who takes a server's key is asked in its place -> target =
@@ -112,28 +109,62 @@ class Session:
             self._zenoh.get(key, handler, payload=payload, attachment=label, encoding=_ENCODING, timeout=timeout,
                             target=target, consolidation=zenoh.ConsolidationMode.NONE)
 
+        return self._asked(get, timeout)
+
+    def _asked(self, get: Callable[[Any], None], timeout: float) -> Asked:
+        if os.getpid() != self.pid:
+            raise LinkError("a zenoh session does not survive a fork; start processes anew instead")
+        asked = Asked(time.monotonic() + timeout + 1.0)
+        try:
+            get(zenoh.handlers.Callback(asked.arrived, drop=lambda: asked.arrived(None), indirect=False))
+        except zenoh.ZError as exc:
+            raise LinkError(f"not asked: {exc}") from exc
+        return asked
+
+
+class Asked:
+    """A question on its way, and what has been answered so far.
+
+    until : when to wait no longer (time.monotonic); zenoh ends a query at its timeout, this is for where it does not.
+    """
+
+    def __init__(self, until: float) -> None:
+        self._until = until
+        self._box: SimpleQueue[tuple[float, Any]] = SimpleQueue()
+        self.at = time.perf_counter()
+        """When the last answer that was looked at had arrived (time.perf_counter); before that, when it was asked."""
+
+    def arrived(self, reply: Any) -> None:
+        """Keep a reply, or None: there are no more.  On a thread of zenoh."""
+        self._box.put((time.perf_counter(), reply))
+
+    def answers(self, watch: Callable[[], None], taken: Callable[[QueryAnswer], bool]) -> list[QueryAnswer]:
+        """Wait; return the answers up to the first that is taken; others may come before it.
+
+        None at all: nobody has the key, or its owner died, or the line is cut.
+        watch : called while waiting; may raise what ends the wait.  taken : whether an answer is the one that was
+        waited for.
+        """
         answers: list[QueryAnswer] = []
-        for reply in self._collect(get, timeout, watch):
+        for reply in self.replies(watch):
             answers.append(answer := _answer(reply))
             # fault: an answer waits for the end of its question -> if answer is None: | contact/test_call_stats
             if taken(answer):  # zenoh says that nothing more comes a tenth of a millisecond later
                 break
         return answers
 
-    def _collect(self, get: Callable[[Any], None], timeout: float, watch: Callable[[], None]) -> Iterator[Any]:
-        """All replies.  zenoh ends a query at its timeout; should it not, a second more ends it here."""
-        if os.getpid() != self.pid:
-            raise LinkError("a zenoh session does not survive a fork; start processes anew instead")
-        box: SimpleQueue[Any] = SimpleQueue()
-        until = time.monotonic() + timeout + 1.0
-        try:
-            get(zenoh.handlers.Callback(box.put, drop=lambda: box.put(None), indirect=False))
-        except zenoh.ZError as exc:
-            raise LinkError(f"not asked: {exc}") from exc
-        while time.monotonic() < until:
+    def replies(self, watch: Callable[[], None]) -> Iterator[Any]:
+        """Wait for all replies; watch : as of `answers`."""
+        while True:
+            over = time.monotonic() >= self._until
             try:
-                reply = box.get(timeout=WATCH_PERIOD)
+                # What came in time counts for whoever looks late, too.
+                # fault: an answer is not seen by who looks late -> self.at, reply = SimpleQueue().get_nowait() if over
+                #   else self._box.get(timeout=WATCH_PERIOD) | contact/test_zenoh
+                self.at, reply = self._box.get_nowait() if over else self._box.get(timeout=WATCH_PERIOD)
             except Empty:
+                if over:
+                    return
                 watch()
                 continue
             if reply is None:

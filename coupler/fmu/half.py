@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from enum import Enum
+from functools import partial
 from typing import Protocol
 
 import numpy as np
@@ -58,6 +59,15 @@ class Advance:
     states: float = 0.0
     waited: float = 0.0
     requests: int = 0
+
+
+def seconds_of(done: Advance, ended: float, asked: float) -> float:
+    """Return how long a step took [s]: as told, or as the caller waited, from `asked` to `ended`, if that is longer."""
+    return max(done.seconds + done.border + done.transport + done.states, ended - asked)
+
+
+Answer = Callable[[], Advance]
+"""A substep that was begun: called once, it waits for the answer."""
 
 
 class Half(Protocol):
@@ -132,3 +142,14 @@ class Half(Protocol):
         ...
 
     def close(self) -> None: ...
+
+
+def begin(half: Half, t: float, h: float, inputs: Mapping[str, Array], outputs: Sequence[str]) -> Answer:
+    """Begin `advance` of a half; what is returned gives its answer, and raises its errors.
+
+    One in another process, which has a `begin` of its own, works meanwhile; one in this process when the answer is
+    asked for.  Until then nothing else may be asked of the half.
+    """
+    # Of its own: one that passes on what it does not have would pass on what it does to a step as well.
+    begun = getattr(type(half), "begin", None)
+    return partial(half.advance, t, h, inputs, outputs) if begun is None else begun(half, t, h, inputs, outputs)

@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 from contact.half.interface import Interface
 from coupler.errors import HalfError
 from coupler.fmu.bounds import BorderScene, Breach, off_the_mesh, other_scene, wrong_blocks, wrong_start, wrong_values
-from coupler.fmu.half import Advance, Array, Block, Half, Status
+from coupler.fmu.half import Advance, Answer, Array, Block, Half, Status, begin
 
 RETRY = 0.5  # of a step whose numbers a shorter one might mend
 
@@ -47,11 +47,20 @@ class HeldHalf:
 
     def advance(self, t: float, h: float, inputs: Mapping[str, Array], outputs: Sequence[str]) -> Advance:
         """As of the half; a substep whose numbers cannot be is a discard."""
-        done = self.half.advance(t, h, inputs, outputs)
-        if done.status is not Status.OK:
-            return done
-        breach = wrong_values(self._role, done.outputs, self._scene)
-        return done if breach is None else refused(breach, h, done.seconds)
+        return self.begin(t, h, inputs, outputs)()
+
+    def begin(self, t: float, h: float, inputs: Mapping[str, Array], outputs: Sequence[str]) -> Answer:
+        """As of the half."""
+        answer = begin(self.half, t, h, inputs, outputs)
+
+        def looked_at() -> Advance:
+            done = answer()
+            if done.status is not Status.OK:
+                return done
+            breach = wrong_values(self._role, done.outputs, self._scene)
+            return done if breach is None else refused(breach, h, done.seconds)
+
+        return looked_at
 
     def read(self, names: Sequence[str], finite: bool = True) -> dict[str, Array]:
         """As of the half."""

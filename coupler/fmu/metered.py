@@ -5,12 +5,13 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from operator import itemgetter
 from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
-from coupler.fmu.half import Advance, Array, Block, Half
+from coupler.fmu.half import Advance, Answer, Array, Block, Half, begin, seconds_of
 
 SIDES = ("thermal", "mechanical")
 CALLS = ("initialise", "advance", "read", "save", "restore", "release", "serialise", "deserialise")
@@ -32,12 +33,13 @@ class Timing:
 
 
 PARTS = ("begun", "seconds", "thermal", "mechanical", "thermal_contact", "mechanical_contact", "border", "transport",
-         "states", "coupler", "thermal_wait", "mechanical_wait", "record", "calls", "requests")
+         "states", "coupler", "thermal_wait", "mechanical_wait", "record", "calls", "requests", "overlap")
 """What a timing tells of a window tried; [s] but for the last two.
 
 begun : since the first window.  seconds : until it was solved and judged.  Of these: thermal, mechanical : the half's
 own work in its steps; thermal_contact, mechanical_contact : it waited for contact; border : inputs set and outputs got
-there; transport : messages of steps; states : saved, restored, released; coupler : all else.  Beside them
+there; transport : messages of steps; states : saved, restored, released; coupler : all else; overlap : counts in these
+twice, because both halves were called.  Beside them
 thermal_wait, mechanical_wait : of `seconds` those in which the half was not called; record : after `seconds`, until the
 window was recorded.  calls : of halves, with those of the record.  requests : of the halves to contact.
 """
@@ -68,12 +70,15 @@ class Meter:
         self._calls.append((side, name, begun - self._begun, time.perf_counter() - begun, 0.0, 0.0, 0.0, 0.0))
         return value
 
-    def step(self, side: int, call: Callable[[], Advance]) -> Advance:
-        """What a step gives, timed."""
-        begun = time.perf_counter()
-        done = call()
-        self._calls.append((side, _ADVANCE, begun - self._begun, time.perf_counter() - begun,
-                            done.seconds - done.waited, done.waited, done.border, done.transport))
+    def step(self, side: int, answer: Answer, begun: float) -> Advance:
+        """What a step gives that was begun at a time [s], timed."""
+        asked = time.perf_counter()
+        done = answer()
+        took = seconds_of(done, ended_at := time.perf_counter(), asked)
+        # One that was at work while another was waited for began when it was told, one in this process just now.
+        at = begun if took > ended_at - asked else asked
+        self._calls.append((side, _ADVANCE, at - self._begun, took, done.seconds - done.waited, done.waited,
+                            done.border, done.transport))
         self._requests += done.requests
         self._ahead += done.states
         return done
@@ -99,7 +104,8 @@ class Meter:
         called, work, contact = [0.0, 0.0], [0.0, 0.0], [0.0, 0.0]
         border = transport = 0.0
         states = self._ahead
-        for side, name, begun, took, own, waited, at_border, on_way in self._calls:
+        overlap = called_until = 0.0
+        for side, name, begun, took, own, waited, at_border, on_way in sorted(self._calls, key=_BEGUN):
             # fault: calls of the record count as the window's own -> if begun > ended: |
             #   coupler/test_timings::test_every_second_of_a_window_is_in_one_part
             if begun >= seconds:
@@ -108,17 +114,21 @@ class Meter:
             called[which] += took
             work[which] += own
             contact[which] += waited
+            overlap += min(max(called_until - begun, 0.0), took)
+            called_until = max(called_until, begun + took)
             border += at_border
             transport += on_way
             states += took if name in _STATES else 0.0
-        rest = seconds - sum(work) - sum(contact) - border - transport - states
+        # fault: what halves did at the same time counts as time of the coupler -> overlap = 0.0 | coupler/test_overlap
+        rest = seconds - sum(work) - sum(contact) - border - transport - states + overlap
         parts = np.array([self._begun - self._origin, seconds, *work, *contact, border, transport, states, rest,
                           seconds - called[0], seconds - called[1], ended - self._solved, len(self._calls),
-                          self._requests])
+                          self._requests, overlap])
         return Timing(parts, np.array(self._calls, dtype=np.float32).reshape(-1, len(CALL_PARTS)))
 
 
 _ADVANCE = CALLS.index("advance")
+_BEGUN = itemgetter(2)
 _READ, _SAVE, _RESTORE, _RELEASE = (CALLS.index(n) for n in ("read", "save", "restore", "release"))
 _STATES = frozenset(CALLS.index(n) for n in STATES)
 
@@ -140,7 +150,13 @@ class MeteredHalf:
 
     def advance(self, t: float, h: float, inputs: Mapping[str, Array], outputs: Sequence[str]) -> Advance:
         """As of the half."""
-        return self._meter.step(self._side, lambda: self.half.advance(t, h, inputs, outputs))
+        return self.begin(t, h, inputs, outputs)()
+
+    def begin(self, t: float, h: float, inputs: Mapping[str, Array], outputs: Sequence[str]) -> Answer:
+        """As of the half."""
+        begun = time.perf_counter()
+        answer = begin(self.half, t, h, inputs, outputs)
+        return lambda: self._meter.step(self._side, answer, begun)
 
     def read(self, names: Sequence[str], finite: bool = True) -> dict[str, Array]:
         """As of the half."""

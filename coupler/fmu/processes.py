@@ -13,6 +13,7 @@ import time
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import asdict, dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -166,7 +167,8 @@ class _Crew:
         self._begin, self._seal, self._fmus, self._deadlines = begin, seal, fmus, deadlines
         self._restarts = self.left = restarts
         self.told: list[str] = []
-        self._anew = False  # somebody was started anew, and no call that failed was repeated for it
+        # How many were started anew; and had been, when a call of a half that failed was repeated last.
+        self._anew, self._known_anew = 0, dict[str, int]()
         self.children: dict[str, Child | Away] = {}
         self.endpoints: dict[str, str] = {}
         self._instances: dict[str, str] = {}
@@ -189,20 +191,21 @@ class _Crew:
         self._session = session
         self._contact, self._contact_anew = self._contact_client(), False
         for name in self._fmus:
-            self.halves[name] = ReplayedHalf(self._remote(name), self.mended)
+            self.halves[name] = ReplayedHalf(self._remote(name), partial(self.mended, name))
 
     def asked(self) -> dict[str, Any]:
         """What contact was asked so far; nothing of one that died, nor of the one after it alone."""
         return {} if self._contact_anew else _asked(self._contact)
 
-    def mended(self) -> bool:
-        """Start anew who died; whether somebody had, and all live now.
+    def mended(self, of: str = "") -> bool:
+        """Start anew who died, after a call of a half failed; whether somebody had, and all live now.
 
         Who waited for the call may have started contact anew before: then the call is repeated once.
         """
         # fault: contact was started anew and the call that it broke is not repeated -> anew = False |
         #   coupler/test_replayed::test_a_call_that_contact_broke_off_is_repeated_once
-        anew, self._anew = self._anew, False
+        anew = self._is_news(of)
+        self._known_anew[of] = self._anew
         if not self._dead():
             return anew
         for _ in range(TRIES):
@@ -233,10 +236,13 @@ class _Crew:
                 self._start_anew(name)
             half.bring_to(place)
 
-    def dead(self, patience: float) -> bool:
+    def _is_news(self, of: str) -> bool:
+        return self._known_anew.get(of, 0) < self._anew
+
+    def dead(self, patience: float, of: str = "") -> bool:
         """Raise the error that names a dead process, if one dies within `patience` seconds.
 
-        Returns whether contact was started anew, now or since a call was repeated last.
+        Returns whether contact was started anew, now or since a call of this half was repeated last.
         A contact service is started anew where that is allowed: it has no state, and the halves wait for it.
         """
         until = time.monotonic() + patience
@@ -247,12 +253,12 @@ class _Crew:
                     raise _named(name, child.death(), child.log_tail())
                 self._again(name)
             if time.monotonic() >= until:
-                return self._anew
+                return self._is_news(of)
             time.sleep(0.02)
 
-    def blame(self, patience: float) -> bool:
+    def blame(self, patience: float, of: str = "") -> bool:
         """Raise the error that names a dead process, or else one that is stopped.  Returns as `dead`."""
-        anew = self.dead(patience)
+        anew = self.dead(patience, of)
         for child in self.children.values():
             # fault: a stopped contact service shows as a failure of a half -> if False: | coupler/test_stopped
             if child.is_stopped():
@@ -269,7 +275,7 @@ class _Crew:
         # fault: one that dies again and again is started for ever -> pass |
         #   coupler/test_restarts::test_who_dies_again_and_again_is_named_when_the_restarts_are_used_up
         self.left -= 1
-        self._anew = True
+        self._anew += 1
         who = "contact service" if name == CONTACT else f"half {name!r}"
         last = f" (its log ended: {log.splitlines()[-1]})" if log.strip() else ""
         self.told.append(f"{who}: {death}{last}; started anew, {self._restarts - self.left} of {self._restarts}")
@@ -311,7 +317,7 @@ class _Crew:
 
         client = Client(self._session, self._seal, role_of(name), ANSWERS, instance=self._instances[name],
                         deadline=self._deadlines.call, watch=watch, lives=lambda: not self.children[name].death())
-        return RemoteHalf(name, client, self.blame, self._deadlines.step.get(name),
+        return RemoteHalf(name, client, partial(self.blame, of=name), self._deadlines.step.get(name),
                           lambda: self.children[name].log_tail())
 
 

@@ -14,9 +14,9 @@ import numpy as np
 from contact.codec import kinds_of
 from contact.records import WireError
 from contact.rpc.calls import LinkError, ServiceDownError, name_of
-from contact.rpc.client import Client
+from contact.rpc.client import Call, Client
 from coupler.errors import HalfError
-from coupler.fmu.half import Advance, Array, Block, Status
+from coupler.fmu.half import Advance, Answer, Array, Block, Status
 
 # What the coupler says to a half that lives in another process, and what it hears back.
 #
@@ -247,14 +247,22 @@ class RemoteHalf:
         inputs : shape and unit of the block of that name.  outputs : names; the answer holds each in the shape and
         unit of its block.
         """
+        return self.begin(t, h, inputs, outputs)()
+
+    def begin(self, t: float, h: float, inputs: Mapping[str, Array], outputs: Sequence[str]) -> Answer:
+        """As of Half: its process has the message when this returns."""
         begun = time.perf_counter()
         step = Step(t, h, _blocks(inputs), tuple(outputs))
-        done = self._call(step, Advance, self._course.deadline)
-        took = time.perf_counter() - begun
+        answer = self._begin(step, Advance, self._course.deadline)
+        return lambda: self._judged(step, answer(), begun)
+
+    def _judged(self, step: Step, done: Advance, begun: float) -> Advance:
+        """The answer to a step that was begun at a time [s]."""
+        took = self._client.answered_at - begun
         # fault: what messages take is not told -> pass | coupler/test_timings
         done = replace(done, transport=max(took - done.seconds - done.border - done.states, 0.0))
         if done.status is Status.OK:
-            self._course.add(t + h, took)
+            self._course.add(step.t + step.h, took)
         # A half that lost its contact service can only discard; a smaller step would not help it, the same one does
         # where the service lives again.
         # fault: a step discarded because contact died puts its window back -> if done.status is Status.DISCARD and
@@ -308,12 +316,25 @@ class RemoteHalf:
 
     def _call(self, verb: Verb, kind: type[AnswerT], deadline: float | None = None) -> AnswerT:
         """The answer to a verb.  Raises HalfError, or what `blame` raises."""
+        return self._begin(verb, kind, deadline)()
+
+    def _begin(self, verb: Verb, kind: type[AnswerT], deadline: float | None) -> Callable[[], AnswerT]:
+        """Send a verb; what is returned gives the answer, and raises as `_call`."""
         sent: Verb = verb
         if self._ahead and isinstance(verb, CARRIERS):
             sent = Ahead(tuple(self._ahead), verb)
             self._ahead.clear()
+        call: Call | LinkError | WireError
         try:
-            answer = self._answered(sent, kind, deadline)
+            call = self._client.begin(sent, deadline)
+        except (LinkError, WireError) as exc:
+            call = exc
+        return lambda: self._told(verb, sent, call, kind)
+
+    def _told(self, verb: Verb, sent: Verb, call: Call | LinkError | WireError, kind: type[AnswerT]) -> AnswerT:
+        """The answer to a verb that was sent, or could not be."""
+        try:
+            answer = self._answered(sent, call, kind)
             self._failed = False
             return answer
         except HalfError as exc:
@@ -335,9 +356,11 @@ class RemoteHalf:
         good = "" if self._course.t is None else f"; its last good step ended at t = {self._course.t:.9g} s"
         return f" (in {call}{good})"
 
-    def _answered(self, verb: Verb, kind: type[AnswerT], deadline: float | None) -> AnswerT:
+    def _answered(self, verb: Verb, call: Call | LinkError | WireError, kind: type[AnswerT]) -> AnswerT:
         try:
-            answer: Any = self._client.call(verb, deadline)
+            if isinstance(call, Exception):
+                raise call
+            answer: Any = self._client.answer(call)
         except LinkError as exc:
             self._blame(1.0)
             raise HalfError(str(exc), half=self.name, log=self._tail()) from exc

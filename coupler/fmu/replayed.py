@@ -16,7 +16,7 @@ import numpy as np
 
 from contact.rpc.calls import ServiceDownError
 from coupler.errors import HalfError
-from coupler.fmu.half import Advance, Array, Block, Half, Status
+from coupler.fmu.half import Advance, Answer, Array, Block, Half, Status, begin
 
 MOST_SECONDS = 60.0  # of steps on a chain, which a new process takes again
 MOST_BYTES = 128 << 20  # of their inputs
@@ -131,14 +131,30 @@ class ReplayedHalf:
         inputs : shape and unit of the block of that name.  outputs : names; the answer holds each in the shape and
         unit of its block.
         """
+        return self.begin(t, h, inputs, outputs)()
+
+    def begin(self, t: float, h: float, inputs: Mapping[str, Array], outputs: Sequence[str]) -> Answer:
+        """As of Half.  A process that dies meanwhile is replaced when the answer is asked for."""
         given = _copies(inputs)
-        done = self._do(lambda half: half.advance(t, h, given, outputs))
-        if done.status is not Status.OK:
-            self._at = None
-        elif self._at is not None:
-            step = _Step(t, h, given, tuple(outputs), digest(done.outputs))
-            self._at = self._at.after(step, done.seconds)
-        return done
+        # One that has to be brought to its state first is, then.
+        begun = None if self._lost else (self.half, begin(self.half, t, h, given, outputs))
+
+        def call(half: Half) -> Advance:
+            nonlocal begun
+            answer = begin(half, t, h, given, outputs) if begun is None or begun[0] is not half else begun[1]
+            begun = None
+            return answer()
+
+        def answer() -> Advance:
+            done = self._do(call)
+            if done.status is not Status.OK:
+                self._at = None
+            elif self._at is not None:
+                step = _Step(t, h, given, tuple(outputs), digest(done.outputs))
+                self._at = self._at.after(step, done.seconds)
+            return done
+
+        return answer
 
     def read(self, names: Sequence[str], finite: bool = True) -> dict[str, Array]:
         """Return the outputs as they stand: name -> array in the shape and unit of its block.

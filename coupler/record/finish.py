@@ -383,7 +383,8 @@ def _write_timings(f: h5py.File, told: Gathered) -> None:
     for name, kind in TIMING_FIELDS:
         rows[name] = np.nan if kind == "f8" else 0
     for row, parts in told.timings.items():
-        rows[row] = tuple(parts)
+        # A journal of before knows of nothing that was done at the same time.
+        rows[row] = (*parts, *(0.0,) * (len(TIMING_FIELDS) - len(parts)))
     put(f, "timings", rows)
     calls = np.zeros(sum(map(len, told.calls.values())), dtype=list(CALL_FIELDS))
     calls["window"] = np.repeat(list(told.calls), [len(of) for of in told.calls.values()])

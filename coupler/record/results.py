@@ -275,7 +275,9 @@ class Results:
             ("FMI and transport", "fmi_seconds"), ("recording", "recording_seconds"))}
         # A killed run left no totals: its windows are then all that is known.
         total = float(self.totals.get("seconds", w.seconds.sum() + parts["recording"]))
-        return parts | {"coupler": max(total - sum(parts.values()), 0.0),
+        # Of both halves at the same time each has its seconds, the run has them once.
+        overlap = float(np.nansum(self.timings.overlap)) if "overlap" in (self.timings.dtype.names or ()) else 0.0
+        return parts | {"coupler": max(total + overlap - sum(parts.values()), 0.0),
                         "set-up": float(self.totals.get("setup_seconds", 0.0))}
 
     @property

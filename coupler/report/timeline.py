@@ -48,10 +48,16 @@ def shares_over_time(results: Results) -> tuple[Array, Array]:
         return np.empty(0), np.empty((len(LAYERS), 0))
     ended = rows.begun + rows.seconds + rows.record
     edges = np.linspace(rows.begun[0], ended.max(), min(BINS, max(len(rows), 2)) + 1)
+    # What both halves did at the same time counts in the share of each as far as it goes; files before have none.
+    overlap = rows.overlap if "overlap" in rows.dtype.names else np.zeros(len(rows))
+    once = rows.seconds / np.maximum(rows.seconds + overlap, 1e-12)
     solved = (rows.begun, rows.begun + rows.seconds)
     recorded = (rows.begun + rows.seconds, ended)
-    shares = np.array([sum(_spread(rows[part], *(recorded if part == "record" else solved), edges) for part in parts)
-                       for _, parts in LAYERS])
+    shares = np.array([sum(_spread(rows[part], *recorded, edges) if part == "record" else
+                           # fault: what was done at the same time counts twice -> _spread(rows[part], *solved, edges)
+                           #   | coupler/test_overlap
+                           _spread(rows[part] * once, *solved, edges)
+                           for part in parts) for _, parts in LAYERS])
     return edges, shares / np.diff(edges)
 
 

@@ -17,7 +17,7 @@ from contact.half.interface import Interface
 from contact.half.memory import LAYOUT
 from coupler.errors import HalfError
 from coupler.fmu.bounds import scenario_border
-from coupler.fmu.half import Advance, Array, Block, Half
+from coupler.fmu.half import Advance, Answer, Array, Block, Half, begin
 from coupler.fmu.held import HeldHalf, check_scene
 from coupler.scenario import Scenario
 from coupler.scenario.overlaps import Overlap
@@ -148,13 +148,22 @@ class MappedHalf:
 
     def advance(self, t: float, h: float, inputs: Mapping[str, Array], outputs: Sequence[str]) -> Advance:
         """As of Half."""
+        return self.begin(t, h, inputs, outputs)()
+
+    def begin(self, t: float, h: float, inputs: Mapping[str, Array], outputs: Sequence[str]) -> Answer:
+        """As of Half."""
         begun = time.perf_counter()
         given = self._given(inputs)
         between = time.perf_counter() - begun
-        done = self.half.advance(t, h, given, self._wanted(outputs))
-        begun = time.perf_counter()
-        found = self._found(outputs, done.outputs) if done.outputs else {}
-        return replace(done, outputs=found, border=done.border + between + time.perf_counter() - begun)
+        answer = begin(self.half, t, h, given, self._wanted(outputs))
+
+        def on_the_scene() -> Advance:
+            done = answer()
+            begun = time.perf_counter()
+            found = self._found(outputs, done.outputs) if done.outputs else {}
+            return replace(done, outputs=found, border=done.border + between + time.perf_counter() - begun)
+
+        return on_the_scene
 
     def read(self, names: Sequence[str], finite: bool = True) -> dict[str, Array]:
         """As of Half."""

@@ -3,15 +3,16 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Mapping
+from collections.abc import Callable, Generator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import partial
 from itertools import pairwise
 from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
-from coupler.fmu.half import Advance, Half, Status
+from coupler.fmu.half import Advance, Answer, Half, Status, begin, seconds_of
 from coupler.scenario.options import Scheme
 from coupler.schemes.accounts import HEATS, Accounts, EnergyAccount, delivered, due, share_of, with_made
 from coupler.schemes.ledger import NO_TERMS, PREFIX
@@ -88,6 +89,12 @@ class _Call:
     outputs: tuple[str, ...]
 
 
+# An answer, what the half has been sent then, and what it cost.
+Stepped = tuple[Advance, Sent, Work]
+# A half on its way over a window, substep by substep, each begun when it is given out.
+Substeps = Generator[Callable[[], Stepped], Stepped, Pass]
+
+
 class Leading(Protocol):
     """What tells x and t_N of a substep from the heat stored so far (coupler.schemes.schemes)."""
 
@@ -107,6 +114,11 @@ def thermal_pass(halves: Halves, state: CoupledState, times: list[float], slope:
     times : of its substeps [s].  slope : how x and t_N move; each substep is given them at its middle, or at its end.
     done : the work before.  ahead : as of coupler.schemes.accounts.due.  Raises DiscardError.
     """
+    return _alone(_thermal(halves, state, times, slope, done, at_end, ahead))
+
+
+def _thermal(halves: Halves, state: CoupledState, times: list[float], slope: Slope | Leading | None, done: Work,
+             at_end: bool = False, ahead: float | None = None) -> Substeps:
     H, sent, work = times[-1] - times[0], state.sent, done
     handed = due(state.accounts, ahead)
     terms: list[dict[str, float]] = []
@@ -131,7 +143,8 @@ def thermal_pass(halves: Halves, state: CoupledState, times: list[float], slope:
                   #   **share_of(handed, (t1 - t0) / H, t0 == times[0]), | scenarios/test_sealed_container_fire
                   "x": x, "contact.t_N": t_N, **share_of(handed, (t1 - t0) / H, t0 == times[0]),
                   "control.event": np.array(float(state.events))}
-        answer, sent, cost = _advance(_Call(halves.thermal, "thermal", t0, t1, inputs, halves.thermal_outputs), sent)
+        answer, sent, cost = yield _begun(
+            _Call(halves.thermal, "thermal", t0, t1, inputs, halves.thermal_outputs), sent)
         if answer.status is not Status.OK:
             raise DiscardError(Verdict.THERMAL_DISCARD, f"{halves.thermal.name}: {answer.message}", done,
                                _is_final(answer, t1 - t0))
@@ -166,6 +179,11 @@ def mechanical_pass(halves: Halves, state: CoupledState, times: list[float], end
     times : of its substeps [s].  end : (n_nodes,) each, T [K] and f_s [1] at the end of the window, known or guessed;
     the very arrays of the start hold them.  done : the work before.  Raises DiscardError.
     """
+    return _alone(_mechanical(halves, state, times, end, done))
+
+
+def _mechanical(halves: Halves, state: CoupledState, times: list[float], end: Mapping[str, Array],
+                done: Work) -> Substeps:
     H, sent, work = times[-1] - times[0], state.sent, done
     outputs: Mapping[str, Array] = {}
     made: dict[str, Array] = {}
@@ -175,7 +193,7 @@ def mechanical_pass(halves: Halves, state: CoupledState, times: list[float], end
                   **between(state.now, end, (t1 - times[0]) / H if t1 != times[-1] else 1.0),
                   "control.event": np.array(float(state.events))}
         call = _Call(halves.mechanical, "mechanical", t0, t1, inputs, halves.mechanical_outputs)
-        answer, sent, cost = _advance(call, sent)
+        answer, sent, cost = yield _begun(call, sent)
         if answer.status is not Status.OK:
             raise DiscardError(Verdict.MECHANICAL_DISCARD, f"{halves.mechanical.name}: {answer.message}", done,
                                _is_final(answer, t1 - t0))
@@ -207,17 +225,26 @@ def _told(known: Mapping[str, float], outputs: Mapping[str, Array]) -> dict[str,
     return told
 
 
-def _advance(call: _Call, sent: Sent) -> tuple[Advance, Sent, Work]:
-    """One substep of one half, what it has been sent then, and what it cost."""
+def _begun(call: _Call, sent: Sent) -> Callable[[], Stepped]:
+    """Begin one substep of one half; what is returned waits for the answer."""
     half, known = call.half, sent.get(call.side, {})
     news = {n: v for n, v in call.inputs.items() if (block := half.blocks.get(n)) is not None
             and block.causality == "input" and not _same(known.get(n), v)}
     started = time.perf_counter()
-    answer: Advance = half.advance(call.t0, call.t1 - call.t0, news, call.outputs)
-    seconds = time.perf_counter() - started
+    answer = begin(half, call.t0, call.t1 - call.t0, news, call.outputs)
+    began = time.perf_counter() - started
+    return lambda: _stepped(call, sent, news, answer, began)
+
+
+def _stepped(call: _Call, sent: Sent, news: Mapping[str, Array], step: Answer, began: float) -> Stepped:
+    """The answer to a substep that took `began` [s] to begin with these news."""
+    asked = time.perf_counter()
+    answer = step()
+    seconds = began + seconds_of(answer, time.perf_counter(), asked)
     iterations = int(answer.outputs.get("iterations", np.zeros(())))
     values = sum([v.size for v in news.values()]) + sum([v.size for v in answer.outputs.values()])
     fmi = seconds - answer.seconds
+    known = sent.get(call.side, {})
     if call.side == "thermal":
         cost = Work(thermal_solves=1, thermal_iterations=iterations, thermal_seconds=answer.seconds,
                     fmi_seconds=fmi, values=values)
@@ -225,6 +252,54 @@ def _advance(call: _Call, sent: Sent) -> tuple[Advance, Sent, Work]:
         cost = Work(mechanical_solves=1, mechanical_iterations=iterations, mechanical_seconds=answer.seconds,
                     fmi_seconds=fmi, values=values)
     return answer, {**sent, call.side: {**known, **news}} if news else sent, cost
+
+
+def _alone(substeps: Substeps) -> Pass:
+    """Take one half over the window."""
+    answer: Stepped | None = None
+    while True:
+        try:
+            step = next(substeps) if answer is None else substeps.send(answer)
+        except StopIteration as over:
+            return over.value
+        answer = step()
+
+
+def _together(both: Sequence[Substeps]) -> list[Pass]:
+    """Take halves over the window that need nothing of each other: one in another process works while others do.
+
+    Raises what the first of them raises, when none works any more.
+    """
+    found: list[Pass | Exception | None] = [None] * len(both)
+    steps: dict[int, Callable[[], Stepped]] = {}
+
+    def on(k: int, move: Callable[[], Callable[[], Stepped]]) -> None:
+        """Begin the next substep of one of them, or keep how it ended."""
+        try:
+            steps[k] = move()
+        except StopIteration as over:
+            found[k] = over.value
+        except Exception as exc:  # noqa: BLE001  raised below: the others are to be waited for
+            found[k] = exc
+
+    for k, substeps in enumerate(both):
+        on(k, partial(next, substeps))
+    while steps:
+        for k in list(steps):
+            step = steps.pop(k)
+            try:
+                answer = step()
+            except Exception as exc:  # noqa: BLE001  as above
+                found[k] = exc
+            else:
+                on(k, partial(both[k].send, answer))
+    passes: list[Pass] = []
+    for one in found:
+        if isinstance(one, Exception):
+            raise one
+        assert one is not None
+        passes.append(one)
+    return passes
 
 
 def _same(a: Array | None, b: Array) -> bool:
@@ -274,14 +349,19 @@ def thermal_first(halves: Halves, state: CoupledState, span: Span, slope: Slope 
 
 
 def at_once(halves: Halves, state: CoupledState, span: Span) -> Swept:
-    """Both from the start of the window: x, t_N and T held.  Heat made in the window is due in the next."""
-    thermal = thermal_pass(halves, state, span.times("thermal"), None, NO_WORK)
-    mechanical = mechanical_pass(halves, replace(state, sent=thermal.sent), span.times("mechanical"),
-                                 # fault: parallel mechanics given the new T -> thermal.outputs, thermal.work) |
-                                 #   coupler/test_schemes
-                                 exchanged(state.now), thermal.work)
+    """Both from the start of the window: x, t_N and T held.  Heat made in the window is due in the next.
+
+    They work at the same time where they have processes of their own.
+    """
+    # fault: parallel mechanics given the new T -> now = exchanged(replace(state.now, T=thermal_pass(halves, state,
+    #   span.times("thermal"), None, NO_WORK).outputs["T"])) | coupler/test_schemes
+    now = exchanged(state.now)
+    thermal, mechanical = _together([_thermal(halves, state, span.times("thermal"), None, NO_WORK),
+                                     _mechanical(halves, state, span.times("mechanical"), now, NO_WORK)])
     accounts = with_made(thermal.accounts, mechanical.made, span.times("mechanical"), fresh=True)
-    return _swept(state, span, thermal, mechanical, accounts)
+    sent = {one.side: one.sent[one.side] for one in (thermal, mechanical) if one.side in one.sent}
+    last = replace(mechanical, sent=sent, work=thermal.work.plus(mechanical.work))
+    return _swept(state, span, thermal, last, accounts)
 
 
 def mechanical_first(halves: Halves, state: CoupledState, span: Span, end: Mapping[str, Array],

@@ -98,7 +98,7 @@ def test_an_answer_is_taken_before_the_question_is_over():
 
     declared = session.answer("slideline/t/open", arrived)
     started = time.monotonic()
-    answers = session.ask("slideline/t/open", b"", "me", 60.0, lambda: None, lambda answer: answer.spoken)
+    answers = session.ask("slideline/t/open", b"", "me", 60.0).answers(lambda: None, lambda answer: answer.spoken)
     assert [(a.spoken, a.label, a.payload) for a in answers] == [(True, "me", b"yes")]
     assert time.monotonic() - started < 30.0
     kept.clear()

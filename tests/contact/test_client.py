@@ -7,7 +7,14 @@ import pytest
 
 from contact.codec import REPLIES, encode
 from contact.messages import Project, Registered
-from contact.rpc.calls import Answered, LinkProtocolError, LinkTimeoutError, failure, parse_envelope
+from contact.rpc.calls import (
+    Answered,
+    LinkProtocolError,
+    LinkTimeoutError,
+    ServiceDownError,
+    failure,
+    parse_envelope,
+)
 from contact.rpc.client import Client
 from contact.rpc.seal import Seal
 from contact.rpc.server import answer_label
@@ -19,13 +26,25 @@ SEAL = Seal("run", bytes(32))
 ONE = SEAL.instance("contact")
 
 
+class Asked:
+    """A question whose answers are told by a function of a watch and of what is taken."""
+
+    at = 0.0
+
+    def __init__(self, answers) -> None:
+        self.answers = answers
+
+
 class Wire:
     """A session that gives prepared answers to the next call, signed by one who has the secret, or by another."""
 
     def __init__(self, *answers, seal: Seal = SEAL) -> None:
         self.answers, self.seal = answers, seal
 
-    def ask(self, key, payload, label, timeout, watch, taken):
+    def ask(self, key, payload, label, timeout):
+        return Asked(lambda watch, taken: self.told(key, label, timeout, watch, taken))
+
+    def told(self, key, label, timeout, watch, taken):
         envelope = parse_envelope(label.rpartition("/")[0])
         given = [Answered(True, b"idle")] if key.endswith("status") else self.answers
         said = []
@@ -62,9 +81,9 @@ def test_a_call_repeated_is_a_new_message():
     attempts = []
 
     class Deaf(Wire):
-        def ask(self, key, payload, label, timeout, watch, taken):
+        def told(self, key, label, timeout, watch, taken):
             attempts.append(parse_envelope(label.rpartition("/")[0]).attempt)
-            return super().ask(key, payload, label, timeout, watch, taken) if len(attempts) == 3 else []
+            return super().told(key, label, timeout, watch, taken) if len(attempts) == 3 else []
 
     assert Client(Deaf(Registered("a")), SEAL, "contact", REPLIES, instance=ONE).call(REQUEST) == Registered("a")
     assert attempts == [1, 2, 3]
@@ -78,7 +97,7 @@ def test_who_was_stopped_himself_waits_on(monkeypatch):
     asked = []
 
     class Slow(Wire):
-        def ask(self, key, payload, label, timeout, watch, taken):
+        def told(self, key, label, timeout, watch, taken):
             asked.append(timeout)
             clock[0] += 0.25
             watch()
@@ -86,11 +105,55 @@ def test_who_was_stopped_himself_waits_on(monkeypatch):
                 clock[0] += 500.0  # stopped
                 taken(TIMEOUT)
                 return [TIMEOUT]
-            return super().ask(key, payload, label, timeout, watch, taken)
+            return super().told(key, label, timeout, watch, taken)
 
     assert Client(Slow(Registered("a")), SEAL, "contact", REPLIES, instance=ONE, deadline=9.0).call(REQUEST) == (
         Registered("a"))
     assert asked == [9.0, 8.75]
+
+
+def test_who_looks_after_the_deadline_may_ask_again(monkeypatch):
+    """The answer was lost while something else was waited for: the server knows the call, and says it again."""
+    clock, told = [100.0], []
+    monkeypatch.setattr("contact.rpc.client.time.monotonic", lambda: clock[0])
+    monkeypatch.setattr("contact.rpc.client.time.sleep", lambda s: None)
+
+    class Lost(Wire):
+        def told(self, key, label, timeout, watch, taken):
+            told.append(timeout)
+            return super().told(key, label, timeout, watch, taken) if len(told) == 2 else []
+
+    client = Client(Lost(Registered("a")), SEAL, "contact", REPLIES, instance=ONE, deadline=9.0)
+    begun = client.begin(REQUEST)
+    clock[0] += 500.0
+    assert client.answer(begun) == Registered("a")
+    assert len(told) == 2
+
+
+def test_who_waits_for_one_that_is_gone_is_told(monkeypatch):
+    """The network lost the server, and does not say so."""
+    clock, waited = [100.0], []
+    monkeypatch.setattr("contact.rpc.client.time.monotonic", lambda: clock[0])
+    monkeypatch.setattr("contact.rpc.client.time.sleep", lambda s: None)
+
+    class Gone(Wire):
+        def told(self, key, label, timeout, watch, taken):
+            until = clock[0] + timeout
+            while clock[0] < until:
+                clock[0] += 0.25
+                waited.append(0.25)
+                watch()
+            return []
+
+        def tokens(self, key, watch):
+            return set()
+
+    with pytest.raises(ServiceDownError, match="contact is gone"):
+        Client(Gone(), SEAL, "contact", REPLIES, instance=ONE, deadline=300.0).call(REQUEST)
+    assert 5.0 < sum(waited) < 6.0
+    waited.clear()
+    with pytest.raises(LinkTimeoutError):
+        Client(Gone(), SEAL, "contact", REPLIES, instance=ONE, deadline=30.0, lives=lambda: True).call(REQUEST)
 
 
 def test_a_signed_refusal_is_told():

@@ -132,7 +132,14 @@ def test_no_flipped_bit_of_an_answer_is_believed():
     believed = []
 
     class Wire:
-        def ask(self, key, _, label, timeout, watch, taken):
+        at = 0.0
+
+        def ask(self, key, _, label, timeout):
+            self.key, self.label = key, label
+            return self
+
+        def answers(self, watch, taken):
+            key, label = self.key, self.label
             true = answer_label(SEAL, key, Envelope(*label.split("/")[:2], 1, 1), Answered(True, payload))
             tried = [QueryAnswer(True, true, p) for p in flips(payload)]
             tried += [QueryAnswer(True, flipped.decode("latin-1"), payload) for flipped in flips(true.encode())]

@@ -184,7 +184,8 @@ def said(client, payload, envelope):
     """What the server says to a signed message."""
     heard = []
     label = question_label(client._seal, client._keys.ask, envelope, payload)
-    client._session.ask(client._keys.ask, payload, label, SOON, lambda: None, lambda a: heard.append(a) or True)
+    asked = client._session.ask(client._keys.ask, payload, label, SOON)
+    asked.answers(lambda: None, lambda a: heard.append(a) or True)
     return heard[0]
 
 
@@ -339,6 +340,14 @@ def test_the_service_listens_on_loopback_alone(service):
     mine = [row[1] for row in rows if row[9] in inodes]
     assert mine
     assert all(address.startswith("0100007F:") for address in mine)
+
+
+def test_an_answer_that_came_in_time_is_there_for_who_looks_late():
+    asked = zenoh_session.Asked(time.monotonic() - 1.0)
+    asked.arrived("yes")
+    asked.arrived(None)
+    assert list(asked.replies(lambda: None)) == ["yes"]
+    assert list(zenoh_session.Asked(time.monotonic() - 1.0).replies(lambda: None)) == []
 
 
 def test_the_service_ends_on_ctrl_c_when_it_is_nobodys_child():

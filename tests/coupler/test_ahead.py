@@ -43,11 +43,12 @@ def far():
     half, said = CountingHalf(), []
     hosted = Hosted(half)
 
-    def call(verb, deadline):
+    def call(verb):
         said.append(verb)
         return hosted.answer(verb)
 
-    remote = RemoteHalf("counter", SimpleNamespace(call=call), lambda patience: False)
+    client = SimpleNamespace(begin=lambda verb, deadline: verb, answer=call, answered_at=0.0)
+    remote = RemoteHalf("counter", client, lambda patience: False)
     said.clear()
     return remote, half, said
 
@@ -126,13 +127,13 @@ def test_names_of_states_are_taken_once():
 def test_round_trips_of_a_run_are_its_steps_and_reads(tmp_path, monkeypatch):
     """Of casting_1d no message goes for states alone: steps, and the reads of its record."""
     asked = []
-    plain = Client.call
+    plain = Client.begin
 
     def counted(self, verb, *more):
         asked.append(verb)
         return plain(self, verb, *more)
 
-    monkeypatch.setattr(Client, "call", counted)
+    monkeypatch.setattr(Client, "begin", counted)
     results = run(load_scenario(SCENARIO, {"coupling.end": 0.05}), tmp_path / "run.h5", processes=True)
     verbs = [type(v.verb if isinstance(v, Ahead) else v) for v in asked if type(v).__name__ in VERBS]
     assert verbs.count(Save) + verbs.count(Release) + verbs.count(Restore) == 0

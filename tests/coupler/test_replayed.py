@@ -146,7 +146,8 @@ def test_a_discard_while_contact_was_started_anew_is_no_discard(monkeypatch):
     crew = crew_whose_contact_died(monkeypatch)
     answers = [Described("t", (), {}, True, True), Advance(Status.DISCARD, "no answer of contact", {}, 0.0),
                Advance(Status.DISCARD, "too long", {}, 0.0)]
-    half = RemoteHalf("t", SimpleNamespace(call=lambda verb, deadline: answers.pop(0)), crew.blame)
+    client = SimpleNamespace(begin=lambda verb, deadline: verb, answer=lambda verb: answers.pop(0), answered_at=0.0)
+    half = RemoteHalf("t", client, crew.blame)
     with pytest.raises(HalfError, match=r"broken off: no answer of contact .*Step from t = 0 s"):
         half.advance(0.0, 1.0, {}, ())
     assert crew.mended()

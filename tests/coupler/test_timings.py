@@ -81,7 +81,8 @@ def test_every_second_of_a_window_is_in_one_part(monkeypatch):
     parts = dict(zip(PARTS, timing.parts, strict=True))
     assert parts == {"begun": 100.0, "seconds": 30.75, "thermal": 5.0, "mechanical": 10.0, "thermal_contact": 2.0,
                      "mechanical_contact": 4.0, "border": 3.0, "transport": 4.5, "states": 0.5, "coupler": 1.75,
-                     "thermal_wait": 20.25, "mechanical_wait": 10.75, "record": 4.0, "calls": 5, "requests": 9}
+                     "thermal_wait": 20.25, "mechanical_wait": 10.75, "record": 4.0, "calls": 5, "requests": 9,
+                     "overlap": 0.0}
     assert timing.calls[:, 2].tolist() == [0.0, 0.5, 10.5, 20.5, 30.75]
     meter.begin()
     clock.now += 1.0
