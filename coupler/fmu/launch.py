@@ -14,7 +14,6 @@ import io
 import os
 import secrets
 import shutil
-import subprocess
 import tempfile
 import time
 import zipfile
@@ -33,7 +32,7 @@ from contact.half.entry import sources_hash
 from contact.half.model import load_directory
 from coupler.errors import HalfError, ScenarioError
 from coupler.fmu.bind import bind
-from coupler.fmu.children import python
+from coupler.fmu.builders import run_builder
 from coupler.fmu.description import SAFE_WORDS, is_safe, read_description, unpack, with_description
 from coupler.fmu.fmi import load_half
 from coupler.fmu.half import Half
@@ -44,7 +43,6 @@ if TYPE_CHECKING:  # a server of a role launches what it is sent: it reads no sc
     from coupler.scenario import Scenario
 
 GROUP = "slideline.halves"
-DEADLINE = 300.0  # s a builder may take
 OWN_TOOL = "(Slideline)"  # how contact.half.build ends the name of the tool
 KEEP_DAYS = 30  # an FMU not used for so long is dropped from the cache
 CAP = 2_000_000_000  # bytes of the cache; beyond it those used longest ago go
@@ -75,7 +73,25 @@ def build_half(kind: str, directory: Path, cache: Path | None = None, fmi: int =
     module = known[kind].module
     cache = cache_directory() if cache is None else cache
     place = cache / f"{kind}-{'fmi3-' if fmi == 3 else ''}{_key(kind, module, directory)}"
-    return _cached(place, lambda new: _run_builder(kind, module, directory, new, fmi))
+    common = _common_builders() if known[kind].name in _own_kinds() else None
+    return _cached(place, lambda new: run_builder(kind, module, _words(directory, new, fmi), new, common))
+
+
+def _words(directory: Path, out: Path, fmi: int) -> list[str]:
+    return [str(directory.absolute()), str(out), *(["--fmi", "3"] if fmi == 3 else [])]
+
+
+def _own_kinds() -> frozenset[str]:
+    from coupler.scenario.problems import SHIPPED
+
+    return SHIPPED
+
+
+def _common_builders() -> tuple[str, list[str]]:
+    """What the sources of this project's builders are now, and their modules."""
+    modules = sorted({point.module for name, point in known_halves().items() if name in _own_kinds()})
+    packages = sorted({"contact", *(module.partition(".")[0] for module in modules)})
+    return " ".join(sources_hash(package_directory(name)) for name in packages), modules
 
 
 def _ready(fmu: Path, cache: Path) -> Path:
@@ -208,19 +224,6 @@ def _put(place: Path, make: Callable[[Path], object]) -> None:
                 raise
     finally:
         shutil.rmtree(scratch, ignore_errors=True)
-
-
-def _run_builder(kind: str, module: str, directory: Path, out: Path, fmi: int) -> None:
-    command = [*python(), "-m", module, str(directory.absolute()), str(out), *(["--fmi", "3"] if fmi == 3 else [])]
-    try:
-        done = subprocess.run(command, capture_output=True, text=True, errors="replace", timeout=DEADLINE,
-                              stdin=subprocess.DEVNULL, check=False)
-    except subprocess.TimeoutExpired as exc:
-        raise HalfError(f"its builder ({module}) did not end within {DEADLINE:g} s", half=kind) from exc
-    if done.returncode != 0 or not out.is_file():
-        tail = "\n".join((done.stderr or done.stdout).strip().splitlines()[-30:])
-        raise HalfError(f"its builder ({module}) ended with code {done.returncode} and made no FMU", half=kind,
-                        log=tail)
 
 
 def _drop_old(cache: Path) -> None:

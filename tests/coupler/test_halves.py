@@ -58,7 +58,7 @@ def test_a_failing_builder_speaks(cache, tmp_path):
 
 
 def test_a_builder_that_does_not_end_is_given_up(cache, tmp_path, monkeypatch):
-    monkeypatch.setattr("coupler.fmu.launch.DEADLINE", 0.01)
+    monkeypatch.setattr("coupler.fmu.builders.DEADLINE", 0.01)
     with pytest.raises(HalfError, match=r"did not end within 0\.01 s"):
         build_half("toy", directory(tmp_path / "a"), cache)
 
