@@ -106,7 +106,9 @@ def test_ctrl_c_leaves_a_readable_file_and_no_process(tmp_path, how):
             while "| window" not in (line := child.stderr.readline()):
                 assert line, "the run ended before its first window"
             children = family.children(recursive=True)
-            assert len(children) == (3 if how else 0)
+            # The process that built the halves waits a while for more.
+            roles = [c for c in children if "coupler.fmu.build_server" not in c.cmdline()]
+            assert len(roles) == (3 if how else 0)
             os.killpg(child.pid, signal.SIGINT)  # what a terminal does: the whole group
             output, errors = child.communicate(timeout=120)
         finally:
