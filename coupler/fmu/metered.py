@@ -119,7 +119,8 @@ class Meter:
             border += at_border
             transport += on_way
             states += took if name in _STATES else 0.0
-        # fault: what halves did at the same time counts as time of the coupler -> overlap = 0.0 | coupler/test_overlap
+        # fault: what halves did at the same time counts as time of the coupler -> rest = seconds - sum(work) -
+        #   sum(contact) - border - transport - states | coupler/test_overlap
         rest = seconds - sum(work) - sum(contact) - border - transport - states + overlap
         parts = np.array([self._begun - self._origin, seconds, *work, *contact, border, transport, states, rest,
                           seconds - called[0], seconds - called[1], ended - self._solved, len(self._calls),
