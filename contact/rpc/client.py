@@ -80,7 +80,7 @@ class Client:
         """
         return self.answer(self.begin(request, deadline))
 
-    def begin(self, request: Any, deadline: float | None = None) -> Call:
+    def begin(self, request: Any, deadline: float | None = None) -> BegunCall:
         """Send a request, whose reply `answer` waits for; as of `call`.  One call is begun and answered at a time."""
         payload = encode(request)
         deadline = self._deadline if deadline is None else deadline
@@ -88,14 +88,14 @@ class Client:
             self._number += 1
             until = time.monotonic() + deadline
             question = self._ask(self._keys.ask, self._envelope(self._number, 1), payload, deadline)
-            return Call(self._number, payload, f"{name_of(request)} to {self._role}", until, question)
+            return BegunCall(self._number, payload, f"{name_of(request)} to {self._role}", until, question)
 
     def _envelope(self, number: int, attempt: int) -> Envelope:
         # fault: a call repeated is the same message again -> return Envelope(self._instance, self._name, number) |
         #   contact/test_client
         return Envelope(self._instance, self._name, number, attempt)
 
-    def answer(self, call: Call) -> Any:
+    def answer(self, call: BegunCall) -> Any:
         """Return the reply to a call that was begun; what went wrong is asked again until its deadline."""
         what = call.what
         with self._lock:
@@ -242,7 +242,7 @@ class _Question:
 
 
 @dataclass(frozen=True)
-class Call:
+class BegunCall:
     """A call that was begun.  what : which, in words.  until : its deadline (time.monotonic)."""
 
     number: int

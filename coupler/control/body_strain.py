@@ -15,9 +15,9 @@ from numpy.typing import NDArray
 
 from contact.half.interface import Interface
 from coupler.scenario.probes import cell_volumes
+from coupler.schemes.state import ELASTIC_STRAIN
 
 Array = NDArray[np.float64]
-QUANTITY = "elastic_strain"
 # Shear counts twice, as 12 and as 21.
 COMPONENTS = np.sqrt([1.0, 1.0, 2.0, 1.0])
 
@@ -32,14 +32,14 @@ class BodyCells:
     @property
     def names(self) -> tuple[str, ...]:
         """What the errors of elastic strain are called, a name a body."""
-        return tuple(f"{QUANTITY}.{body}" for body in self.rows)
+        return tuple(f"{ELASTIC_STRAIN}.{body}" for body in self.rows)
 
     def weighted(self, name: str, strain: Array) -> Array:
         """Return the strain of a body, (n, 4) [1], so that its norm is the root mean square over the body's volume.
 
         name : one of `names`.  strain : (n_cells, 4) 11, 22, 12, 33 [1] of all cells.
         """
-        body = name.removeprefix(f"{QUANTITY}.")
+        body = name.removeprefix(f"{ELASTIC_STRAIN}.")
         # fault: each cell counts as much, whatever its volume -> return np.asarray(strain[self.rows[body]] * COMPONENTS
         #   / np.sqrt(len(self.rows[body]))) | coupler/test_estimate_strain
         return np.asarray(strain[self.rows[body]] * COMPONENTS * self.weights[body][:, None])

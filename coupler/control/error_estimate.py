@@ -26,12 +26,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from coupler.control.body_strain import NO_CELLS, BodyCells
-from coupler.control.body_strain import QUANTITY as ELASTIC_STRAIN
 from coupler.scenario.options import ErrorTolerances, Iteration, Scheme, Seen, Tolerance
 from coupler.schemes.accounts import AHEAD
 from coupler.schemes.levels import Level
 from coupler.schemes.schemes import scheme_of
-from coupler.schemes.state import CoupledState, Solved, Span
+from coupler.schemes.state import ELASTIC_STRAIN, CoupledState, Solved, Span
 
 # Gaps that close or open within one window: there its error has no order yet, and nothing before it announces it.
 #

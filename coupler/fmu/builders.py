@@ -26,8 +26,8 @@ SERVER = ["-m", "coupler.fmu.build_server"]
 LOG_LINES = 30  # of what a builder said, quoted in the error
 
 
-def run_builder(kind: str, module: str, words: Sequence[str], out: Path, common: tuple[str, Sequence[str]] | None,
-                ) -> None:
+def run_builder(kind: str, module: str, words: Sequence[str], out: Path,
+                common: tuple[str, Sequence[str]] | None) -> None:
     """Run `python -m MODULE WORDS`, which makes the FMU `out`.
 
     kind : of the half, for errors.  common : what the sources of builders are that may share a process (another text

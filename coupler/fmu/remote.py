@@ -14,7 +14,7 @@ import numpy as np
 from contact.codec import kinds_of
 from contact.records import WireError
 from contact.rpc.calls import LinkError, ServiceDownError, name_of
-from contact.rpc.client import Call, Client
+from contact.rpc.client import BegunCall, Client
 from coupler.errors import HalfError
 from coupler.fmu.half import Advance, Answer, Array, Block, Status
 
@@ -324,14 +324,14 @@ class RemoteHalf:
         if self._ahead and isinstance(verb, CARRIERS):
             sent = Ahead(tuple(self._ahead), verb)
             self._ahead.clear()
-        call: Call | LinkError | WireError
+        call: BegunCall | LinkError | WireError
         try:
             call = self._client.begin(sent, deadline)
         except (LinkError, WireError) as exc:
             call = exc
         return lambda: self._told(verb, sent, call, kind)
 
-    def _told(self, verb: Verb, sent: Verb, call: Call | LinkError | WireError, kind: type[AnswerT]) -> AnswerT:
+    def _told(self, verb: Verb, sent: Verb, call: BegunCall | LinkError | WireError, kind: type[AnswerT]) -> AnswerT:
         """The answer to a verb that was sent, or could not be."""
         try:
             answer = self._answered(sent, call, kind)
@@ -356,7 +356,7 @@ class RemoteHalf:
         good = "" if self._course.t is None else f"; its last good step ended at t = {self._course.t:.9g} s"
         return f" (in {call}{good})"
 
-    def _answered(self, verb: Verb, call: Call | LinkError | WireError, kind: type[AnswerT]) -> AnswerT:
+    def _answered(self, verb: Verb, call: BegunCall | LinkError | WireError, kind: type[AnswerT]) -> AnswerT:
         try:
             if isinstance(call, Exception):
                 raise call

@@ -26,13 +26,12 @@ from coupler.scenario.options import Iteration
 from coupler.scenario.several import Member, Several
 from coupler.schemes.acceleration import Trail, next_guess
 from coupler.schemes.ledger import NO_TERMS, PREFIX, STORED
-from coupler.schemes.state import ACROSS
+from coupler.schemes.state import ACROSS, T_MISSED
 
 COURSE, COURSE_ELSEWHERE, DAMPED, DAMPS = COURSES = ("course.T", "course.T_elsewhere", "course.damped", "course.damps")
 AFTER_A_JUMP, ALWAYS = 1.0, 2.0  # values of DAMPED
 WOULD, DID = 1.0, 2.0  # values of DAMPS
 ITERATIONS, OFF = "across.iterations", "across.off"  # of the last substep: how many, and how far apart at the end [K]
-OF_MESH = "mesh.T_missed."  # of a body (coupler/trust/heat_mesh.py)
 OF_BODY, OF_PAIR = "condition.heat.source.", "condition.heat.pair."
 SUMS = ("iterations", "substeps", "rejected", "heat_stored", "contact.touching", *NO_TERMS)
 LARGEST = ("residual", "max_dT", ACROSS)
@@ -427,5 +426,5 @@ def _adds_up(name: str) -> bool:
     # What is told of a body's mesh one half alone tells.
     # fault: what several halves tell of their meshes is not had -> return name.startswith((PREFIX, "condition.heat."))
     #   or name in (*SUMS, *LARGEST, *LEAST) | coupler/test_trust_heat_mesh::test_however_bodies_are_divided_it_is_told
-    return name.startswith((PREFIX, "condition.heat.", OF_MESH)) or name in (*SUMS, *LARGEST, *LEAST)
+    return name.startswith((PREFIX, "condition.heat.", T_MISSED)) or name in (*SUMS, *LARGEST, *LEAST)
 

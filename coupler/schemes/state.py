@@ -172,6 +172,7 @@ class Halves:
 ACROSS = "across.T_off"  # of a thermal half with one temperature across: how far its surfaces differ from that [K]
 OFF_MESH = "mesh.T_off"  # of a thermal half on a mesh of its own: what the scene's does not hold of T [K]
 ELASTIC_STRAIN = "elastic_strain"  # of a mechanical half whose bodies remember, (n_cells, 4)
+T_MISSED = "mesh.T_missed."  # of a body, of a thermal half: what its cells are too large for [K]
 SHAPE_OFF = "mesh.x_off"  # of a mechanical half on a mesh of its own: what the scene's does not hold of x [m]
 
 

@@ -13,11 +13,11 @@ import math
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 
+from coupler.schemes.state import T_MISSED
 from coupler.trust.checks import Check, measured
 
 LIMITS = (0.05, 0.2)  # of the span of temperatures: noted, broken
 NAME = "cells fine enough for heat"
-T_MISSED = "mesh.T_missed."
 
 
 def heat_mesh_outputs(blocks: Iterable[str]) -> list[str]:
