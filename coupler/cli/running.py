@@ -39,7 +39,8 @@ from coupler.record.paths import check_target
 from coupler.record.results import Results
 from coupler.report import write_report
 from coupler.running.progress import Progress
-from coupler.running.run import resume, resumed, run
+from coupler.running.resume import resume, resumed
+from coupler.running.run import run
 from coupler.running.runlog import RunLog
 from coupler.running.setup import plan_of
 from coupler.scenario import Scenario, load_scenario

@@ -2,18 +2,13 @@
 
 from __future__ import annotations
 
-import json
-import os
 import shlex
-import signal
-import sys
-import threading
 import time
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import ExitStack
 from dataclasses import replace
 from pathlib import Path
-from types import FrameType, TracebackType
+from types import TracebackType
 from typing import Any, Unpack
 
 import numpy as np
@@ -23,24 +18,20 @@ from threadpoolctl import threadpool_limits
 from contact.rpc.calls import LinkError
 from coupler.control.loop import Tried, finished, step
 from coupler.control.state import Committed, first
-from coupler.errors import CouplingError, HalfError, ResultsError, SlidelineError
+from coupler.errors import CouplingError, HalfError, SlidelineError
 from coupler.fmu.half import Half
 from coupler.fmu.launch import launch
 from coupler.fmu.metered import Meter, MeteredHalf
 from coupler.record.checkpoint import (
     Checkpoint,
     Keeper,
-    Origin,
     RunRecord,
     header_of,
     memory_of,
     put_back,
-    read_checkpoint,
     state_of,
-    versions,
 )
 from coupler.record.frames import frame_choice
-from coupler.record.journal import being_written, check_mark, read_journal
 from coupler.record.look import Look, together
 from coupler.record.observe import (
     ConditionReader,
@@ -50,12 +41,13 @@ from coupler.record.observe import (
     friction,
     friction_names,
 )
-from coupler.record.paths import check_target, checkpoint_of, journal_of, stopped_of
+from coupler.record.paths import check_target
 from coupler.record.recorder import Recorder, WindowRecord
 from coupler.record.results import Results
 from coupler.rules import engine as rules
 from coupler.running.damping import DampingNotes
 from coupler.running.interactive import Changes, Snapshot, Snapshots, changed
+from coupler.running.interrupts import Interrupts
 from coupler.running.progress import Progress, RemainingTime, RunStatus, progress
 from coupler.running.setup import (
     check_halves,
@@ -69,7 +61,6 @@ from coupler.running.setup import (
     without_checkpoints,
 )
 from coupler.scenario import Scenario
-from coupler.scenario.load import scenario_from
 from coupler.scenario.timing import SAME_TIME, Frames
 from coupler.schemes.accounts import HEATS
 from coupler.schemes.ledger import Ledger
@@ -84,40 +75,6 @@ from coupler.verify.verdicts import HalfVerdict, Verify, trust_rows, verdicts_of
 Array = NDArray[np.float64]
 
 
-# Handles Ctrl-C: once to stop after the current window, twice to stop at once.
-
-class Interrupts:
-    """While open, the first Ctrl-C is remembered in `asked`; the second interrupts at once.
-
-    An interrupt raised inside a half's step would look to the half like a failure of its own.
-    """
-
-    def __init__(self) -> None:
-        self.asked = False
-
-    def __enter__(self) -> Interrupts:
-        self._old: Any = None
-        if threading.current_thread() is threading.main_thread():
-            self._old = signal.signal(signal.SIGINT, self._handle)
-        return self
-
-    def _handle(self, number: int, frame: FrameType | None) -> None:
-        if self.asked:
-            raise KeyboardInterrupt
-        self.asked = True
-        line = "stopping after this window; Ctrl-C again stops at once"
-        try:
-            print(line, file=sys.stderr, flush=True)
-        except RuntimeError:
-            # The signal came while a line of progress was being written, and no buffer may be entered twice.
-            # fault: a signal amid a line ends the run -> raise | coupler/test_stopped::test_ctrl_c_amid_a_line
-            os.write(2, f"\n{line}\n".encode())
-
-    def __exit__(self, *exc: object) -> None:
-        if self._old is not None:
-            signal.signal(signal.SIGINT, self._old)
-
-
 class Run:
     """Runs a scenario window by window.
 
@@ -128,7 +85,7 @@ class Run:
     scenario : a checked Scenario.  out : the results file; made when the block is left, however it is left.
     processes : each half and the contact service in a process of its own.
     hosts : a file that says on which machines the halves and contact run (docs/hosts.md).
-    since : the checkpoint to go on from (coupler.running.run.resumed finds it).
+    since : the checkpoint to go on from (coupler.running.resume.resumed finds it).
     verify : whether halves of other packages are checked first (docs/verify_half.md): "once", if no verdict on them
     is known, "anew" or "never".  on_verify : called with what is checked, and with the outcome.
     Ctrl-C ends the run after the current window; a second one at once.
@@ -606,69 +563,3 @@ def run(scenario: Scenario, out: str | Path = "run.h5", *, processes: bool = Fal
             if on_window is not None:
                 on_window(progress)
     return Results(out)
-
-
-# Resumes a run that ended early: interrupted, stopped, failed or killed.
-
-def resume(run: Run | str | Path, *, processes: bool = False, until: float | None = None,
-           on_window: Callable[[Progress], None] | None = None) -> Results:
-    """Resume the run of a results file to its end, into the same file, as if it had never stopped.
-
-    run : the results file, or the run that `resumed` returned.  until : stop at the first window end at or after
-    this time [s].  on_window : called after every window tried.
-    Raises ResultsError where that run cannot be resumed (nothing is changed then), CouplingError, HalfError.
-    """
-    with run if isinstance(run, Run) else resumed(run, processes=processes) as r:
-        for progress in r.windows(until):
-            if on_window is not None:
-                on_window(progress)
-    return Results(r.out)
-
-
-def resumed(out: str | Path, *, processes: bool = False, hosts: str | Path | None = None) -> Run:
-    """Return the run of a results file, to be continued window by window.
-
-    >>> with resumed("run.h5") as r:
-    ...     for w in r.windows():
-    ...         print(w.t, w.max_T)
-
-    Raises ResultsError where it still goes on or is complete, where checkpoint or journal are missing, cut, damaged or
-    not of one run, or where the scenario's meshes or the versions of what it computes with have changed.
-    """
-    path = Path(out)
-    journal = _journal(path)
-    origin, checkpoint = read_checkpoint(checkpoint_of(path), versions())
-    check_mark(journal, checkpoint.record.mark)
-    return Run(_scenario(journal, origin), path, processes=processes, since=checkpoint, hosts=hosts)
-
-
-def _journal(path: Path) -> Path:
-    """Return the journal of a run that ended early.  Raises ResultsError where there is nothing to resume."""
-    journal = journal_of(path) if journal_of(path).exists() else stopped_of(path)
-    if not journal.exists():
-        if path.exists() and Results(path).outcome == "completed":
-            raise ResultsError(f"{path}: its run is complete; there is nothing to resume")
-        raise ResultsError(f"{path}: there is no journal of a run beside it, so nothing can be resumed; run it anew")
-    try:
-        goes_on = being_written(journal)
-    except FileNotFoundError:  # the run ended meanwhile, and has moved it
-        return _journal(path)
-    if goes_on:
-        raise ResultsError(f"{path}: its run still goes on; there is nothing to resume")
-    if not checkpoint_of(path).exists():
-        raise ResultsError(f"{path}: its run left no checkpoint (it ended before its first window, "
-                           "or output.checkpoint is null, or a half cannot write its state down); run it anew")
-    return journal
-
-
-def _scenario(journal: Path, origin: Origin) -> Scenario:
-    """Return the scenario as it was run.
-
-    Raises ResultsError if it is another now, ScenarioError if a mesh is missing.
-    """
-    text = next(str(r.meta["scenario"]["text"]) for r in read_journal(journal) if r.kind == "run")
-    scenario = scenario_from(text, Path(origin.file), json.loads(origin.overrides))
-    if scenario.hash != origin.scenario:
-        raise ResultsError(f"{journal}: belongs to scenario {origin.scenario}, {origin.file} with its meshes is now "
-                           f"{scenario.hash}: a mesh file has changed, or the checkpoint is of another run")
-    return scenario

@@ -24,7 +24,7 @@ import numpy as np
 
 from coupler import Results, load_scenario, run
 from coupler.record.paths import can_resume, checkpoint_of, making_of, part_of
-from coupler.running.run import resume
+from coupler.running.resume import resume
 
 SCENARIOS = Path(__file__).resolve().parents[2] / "scenarios"
 WALL_CLOCK = {"thermal_seconds", "mechanical_seconds", "fmi_seconds", "seconds", "recording_seconds"}

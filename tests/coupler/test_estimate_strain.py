@@ -19,7 +19,8 @@ from coupler import Results, run
 from coupler.control import error_estimate
 from coupler.control.body_strain import body_cells
 from coupler.control.error_estimate import Memory
-from coupler.running.run import Run, resume
+from coupler.running.resume import resume
+from coupler.running.run import Run
 from coupler.scenario.load import scenario_from
 from coupler.scenario.options import ErrorTolerances, Iteration, Scheme
 from coupler.schemes.accounts import EnergyAccount

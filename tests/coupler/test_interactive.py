@@ -13,7 +13,7 @@ import pytest
 from coupler import Results, Run, ScenarioError, load_scenario, run
 from coupler.errors import CouplingError
 from coupler.report.page import render
-from coupler.running.run import resume
+from coupler.running.resume import resume
 from coupler.scenario import Scenario
 from coupler.scenario.rule_model import Rule, Stop, Test, When
 

@@ -9,7 +9,7 @@ import pytest
 
 from coupler import HalfError, Results, load_scenario, run
 from coupler.fmu.fmi import FmuHalf
-from coupler.running.run import resume, resumed
+from coupler.running.resume import resume, resumed
 
 HERE = Path(__file__).parent
 sys.path.insert(0, str(HERE))

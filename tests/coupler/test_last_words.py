@@ -14,7 +14,8 @@ from coupler.errors import HalfError
 from coupler.record import checkpoint as keeper_module
 from coupler.record.journal import being_written
 from coupler.running import run as run_module
-from coupler.running.run import Run, resume, resumed
+from coupler.running.resume import resume, resumed
+from coupler.running.run import Run
 
 SCENARIO = Path(__file__).resolve().parents[2] / "scenarios/casting_1d.yaml"
 CHANGED = {"coupling.end": 0.2, "output.checkpoint": 0}

@@ -15,7 +15,7 @@ from coupler.errors import ResultsError
 from coupler.fmu.launch import launch
 from coupler.report.conditions import condition_tables
 from coupler.report.page import render
-from coupler.running.run import resume
+from coupler.running.resume import resume
 from coupler.scenario import Scenario
 from coupler.scenario.conditions import TAKEN, ConditionOutput, resolved
 from coupler.schemes.ledger import MECHANISMS

@@ -16,7 +16,7 @@ from contact.half.interface import Interface
 from coupler import HalfError, Results, ScenarioError, load_scenario
 from coupler.fmu.half import Block
 from coupler.report.verdict import Bound, verdict
-from coupler.running.run import resume
+from coupler.running.resume import resume
 from coupler.scenario.mesh_maps import mesh_maps
 from coupler.scenario.own_mesh import OwnMesh
 from coupler.schemes.mapped import MappedHalf

@@ -266,7 +266,7 @@ def test_embedded_codec_processes_and_resumed_give_the_same_bits(tmp_path):
     a = run(loaded(tmp_path, doc), tmp_path / "a.h5")
     b = run(loaded(tmp_path, edited(doc, coupling__link="codec")), tmp_path / "b.h5")
     c = run(loaded(tmp_path, doc), tmp_path / "c.h5", processes=True)
-    from coupler.running.run import resume
+    from coupler.running.resume import resume
     run(loaded(tmp_path, doc), tmp_path / "d.h5", until=8.0)
     d = resume(tmp_path / "d.h5")
     for other in (b, c, d):

@@ -14,7 +14,7 @@ import pytest
 
 from coupler import Results, load_scenario, run
 from coupler.errors import ScenarioError
-from coupler.running.run import resume
+from coupler.running.resume import resume
 
 sys.path.insert(0, str(Path(__file__).parent))
 from foreign_scenes import TEXT

@@ -16,7 +16,7 @@ from contact.rpc.calls import ServiceDownError
 from coupler import HalfError, Results, load_scenario, run
 from coupler.fmu.half import Status
 from coupler.fmu.replayed import ReplayedHalf
-from coupler.running.run import resume
+from coupler.running.resume import resume
 
 HERE = Path(__file__).parent
 sys.path.insert(0, str(HERE))

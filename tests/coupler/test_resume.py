@@ -19,7 +19,8 @@ from coupler.record import checkpoint as keeper_module
 from coupler.record.checkpoint import Checkpoint, Origin, read_checkpoint, to_bytes, versions
 from coupler.record.journal import Journal
 from coupler.record.paths import checkpoint_of, journal_of, making_of, stopped_of
-from coupler.running.run import Run, resume, resumed
+from coupler.running.resume import resume, resumed
+from coupler.running.run import Run
 from coupler.scenario import Scenario, load_scenario
 from coupler.scenario.rule_model import Change, Rule, Substeps, Test, When
 

@@ -8,7 +8,7 @@ import sys
 from pathlib import Path
 
 from coupler import Results, run
-from coupler.running.run import resume
+from coupler.running.resume import resume
 from coupler.scenario import Scenario, load_scenario
 
 sys.path.insert(0, str(Path(__file__).parent))

@@ -14,7 +14,7 @@ import pytest
 from coupler import HalfError, Results, load_scenario, run
 from coupler.record.paths import checkpoint_of
 from coupler.running.progress import Progress
-from coupler.running.run import resume, resumed
+from coupler.running.resume import resume, resumed
 
 ROOT = Path(__file__).resolve().parents[2]
 sys.path.insert(0, str(Path(__file__).parent))

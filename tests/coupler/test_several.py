@@ -14,7 +14,7 @@ import pytest
 
 from coupler import CouplingError, HalfError, Results, load_scenario, run
 from coupler.running.progress import Progress
-from coupler.running.run import resume, resumed
+from coupler.running.resume import resume, resumed
 
 sys.path.insert(0, str(Path(__file__).parent))
 from killed_runs import differences

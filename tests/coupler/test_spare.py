@@ -14,7 +14,8 @@ import pytest
 from coupler import Results, load_scenario, run
 from coupler.control import spare
 from coupler.control.plan import Plan
-from coupler.running.run import Run, resume
+from coupler.running.resume import resume
+from coupler.running.run import Run
 from coupler.scenario import Scenario
 from coupler.scenario.load import scenario_from
 from coupler.scenario.options import Scheme, WindowRange

@@ -18,7 +18,7 @@ from contact.rpc.calls import ServiceDownError
 from coupler.errors import HalfError
 from coupler.fmu.processes import Processes
 from coupler.fmu.remote import KNOWN_STEPS, LEAST_DEADLINE, Course
-from coupler.running.run import Interrupts
+from coupler.running.interrupts import Interrupts
 
 HERE = Path(__file__).parent
 sys.path.insert(0, str(HERE))

@@ -20,7 +20,8 @@ from coupler.fmu.metered import CALLS, PARTS, Meter, MeteredHalf
 from coupler.record.tables import TIMING_FIELDS
 from coupler.record.trace import trace_of
 from coupler.report.timeline import LAYERS, shares_over_time, typical
-from coupler.running.run import Run, resume, run
+from coupler.running.resume import resume
+from coupler.running.run import Run, run
 
 SCENARIO = Path(__file__).resolve().parents[2] / "scenarios/casting_1d.yaml"
 CHANGED = {"coupling.end": 0.08}

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from coupler import load_scenario, run
-from coupler.running.run import resume
+from coupler.running.resume import resume
 
 sys.path.insert(0, str(Path(__file__).parent))
 from killed_runs import differences

@@ -14,7 +14,7 @@ from several_scenes import TWO, blocks, ran
 
 from coupler import Results, load_scenario, run
 from coupler.fmu.launch import launch
-from coupler.running.run import resume
+from coupler.running.resume import resume
 from coupler.trust import heat_mesh
 
 WALL = """

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from coupler import CouplingError, HalfError, Results, Run
-from coupler.running.run import resumed
+from coupler.running.resume import resumed
 from coupler.schemes.levels import Level
 from random_scenes.invariant import Finding, Invariant
 from random_scenes.scene import Scene

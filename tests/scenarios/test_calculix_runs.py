@@ -16,7 +16,7 @@ from typer.testing import CliRunner
 from coupler import Results, load_scenario, run
 from coupler.cli.cli import app
 from coupler.cli.verifying import fmu_of
-from coupler.running.run import resume, resumed
+from coupler.running.resume import resume, resumed
 from coupler.verify.border import CheckVerdict
 from coupler.verify.child import findings_of
 

@@ -16,7 +16,7 @@ from coupler.errors import HalfError
 from coupler.report import write_report
 from coupler.report.control import rules_that_fired
 from coupler.running.replay import replayed, sentence
-from coupler.running.run import resume
+from coupler.running.resume import resume
 
 sys.path.insert(0, str(Path(__file__).parent))
 from small_scenes import LUMPED_GAP, ROOT, solve
