@@ -1,9 +1,14 @@
-"""The marker `fast`: `pytest -m fast` runs the files below, and no other file is even imported (CONTRIBUTING.md)."""
+"""Which files make the tier `fast`, and in which order files run (CONTRIBUTING.md).
+
+`pytest -m fast` runs the files of FAST, and no other file is even imported.  Files that take long begin first, so that
+none of them is left to one process while the others have nothing to do.
+"""
 
 from __future__ import annotations
 
 import os
 import signal
+from collections import Counter
 from pathlib import Path
 
 import pytest
@@ -35,8 +40,28 @@ FAST = {
         lumped thermal_anisotropy thermal_entropy thermal_fields thermal_friction thermal_caches thermal_newton
         thermal_nonlinear thermal_rod thermal_space thermal_steady""",
 }
-FAST_FILES = {(TESTS / folder / f"test_{name}.py").resolve()
-              for folder, names in FAST.items() for name in names.split()}
+# The files with more than 20 s of CPU, the longest first.
+LONG = {
+    ".": """
+        docs notebooks""",
+    "coupler": """
+        plain_run several broken_halves spare agreement c_halves""",
+    "scenarios": """
+        trusted""",
+}
+
+
+def _files(names: dict[str, str]) -> list[Path]:
+    return [(TESTS / folder / f"test_{name}.py").resolve() for folder, all_of in names.items()
+            for name in all_of.split()]
+
+
+FAST_FILES, LONG_FILES = set(_files(FAST)), _files(LONG)
+
+
+def pytest_configure(config: pytest.Config) -> None:
+    """Keep xdist from its own order, which is that of the number of tests."""
+    config.option.loadscopereorder = False
 
 
 @pytest.hookimpl(optionalhook=True)
@@ -54,7 +79,11 @@ def pytest_ignore_collect(collection_path: Path, config: pytest.Config) -> bool 
 
 @pytest.hookimpl(tryfirst=True)
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Mark the tests of these files."""
+    """Mark the tests of fast files; put long files first, then those with many tests."""
     for item in items:
         if item.path.resolve() in FAST_FILES:
             item.add_marker("fast")
+    many = Counter(item.path for item in items)
+    place = {path: (LONG_FILES.index(path.resolve()) if path.resolve() in LONG_FILES else len(LONG_FILES), -n)
+             for path, n in many.items()}
+    items.sort(key=lambda item: place[item.path])

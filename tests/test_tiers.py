@@ -1,4 +1,4 @@
-"""The tiers of the tests: the files of `-m fast` are there, and `-m fast` runs them and nothing else."""
+"""The tiers of the tests: the files of `-m fast` are there, it runs them and nothing else; long files come first."""
 
 from __future__ import annotations
 
@@ -18,6 +18,27 @@ _spec.loader.exec_module(tiers)
 def test_the_fast_files_are_there_and_named_once():
     assert [path for path in sorted(tiers.FAST_FILES) if not path.is_file()] == []
     assert len(tiers.FAST_FILES) == sum(len(names.split()) for names in tiers.FAST.values())
+
+
+def test_the_long_files_are_there_and_named_once():
+    assert [path for path in tiers.LONG_FILES if not path.is_file()] == []
+    assert len(tiers.LONG_FILES) == len(set(tiers.LONG_FILES))
+
+
+def test_long_files_come_first_then_those_with_many_tests_each_in_one_piece():
+    class Item:
+        def __init__(self, path: Path, number: int) -> None:
+            self.path, self.number = path, number
+
+        def add_marker(self, name: str) -> None:
+            assert self.path in tiers.FAST_FILES
+
+    few, many, *_ = sorted(tiers.FAST_FILES)
+    last, first = tiers.LONG_FILES[1], tiers.LONG_FILES[0]
+    items = [Item(path, k) for path, n in ((few, 2), (last, 1), (many, 3), (first, 1)) for k in range(n)]
+    tiers.pytest_collection_modifyitems(items)
+    assert [(item.path, item.number) for item in items] == [
+        (first, 0), (last, 0), (many, 0), (many, 1), (many, 2), (few, 0), (few, 1)]
 
 
 def test_no_fast_file_has_slow_tests():
