@@ -275,8 +275,8 @@ def body_mean(interface: Interface, body: str) -> tuple[Ints, Floats]:
     number = interface.bodies.index(body)
     quads = interface.quads[interface.quad_body == number]
     triangles = interface.triangles[interface.triangle_body == number]
-    shares = [_of_quads(interface.nodes[quads], interface.axisymmetric),
-              _of_triangles(interface.nodes[triangles], interface.axisymmetric)]
+    shares = [quad_shares(interface.nodes[quads], interface.axisymmetric),
+              triangle_shares(interface.nodes[triangles], interface.axisymmetric)]
     nodes, where = np.unique(np.concatenate([quads.ravel(), triangles.ravel()]), return_inverse=True)
     weights = np.bincount(where, weights=np.concatenate([s.ravel() for s in shares]))
     return nodes.astype(np.int32), weights / weights.sum()
@@ -287,8 +287,8 @@ def cell_volumes(interface: Interface) -> Floats:
 
     It is the integral of dA [m2] or, axisymmetric, of r dA [m3].
     """
-    return np.concatenate([_of_quads(interface.nodes[interface.quads], interface.axisymmetric).sum(axis=1),
-                           _of_triangles(interface.nodes[interface.triangles], interface.axisymmetric).sum(axis=1)])
+    return np.concatenate([quad_shares(interface.nodes[interface.quads], interface.axisymmetric).sum(axis=1),
+                           triangle_shares(interface.nodes[interface.triangles], interface.axisymmetric).sum(axis=1)])
 
 
 def cells_with(interface: Interface, nodes: Ints) -> Ints:
@@ -314,7 +314,7 @@ def cells_along(interface: Interface, edges: Ints) -> Ints:
     return owner[order][np.searchsorted(key[order], wanted)].astype(np.int32)
 
 
-def _of_quads(x: Floats, axisymmetric: bool) -> Floats:
+def quad_shares(x: Floats, axisymmetric: bool) -> Floats:
     """Integrals of N_i dV, (n, 4), of quads with corners x : (n, 4, 2)."""
     share = np.zeros(x.shape[:2])
     a, b = np.array([-1, 1, 1, -1]), np.array([-1, -1, 1, 1])
@@ -330,7 +330,7 @@ def _of_quads(x: Floats, axisymmetric: bool) -> Floats:
     return share
 
 
-def _of_triangles(x: Floats, axisymmetric: bool) -> Floats:
+def triangle_shares(x: Floats, axisymmetric: bool) -> Floats:
     """Integrals of N_i dV, (n, 3), of triangles with corners x : (n, 3, 2)."""
     one, two = x[:, 1] - x[:, 0], x[:, 2] - x[:, 0]
     area = (one[:, 0] * two[:, 1] - one[:, 1] * two[:, 0]) / 2

@@ -24,6 +24,7 @@ from coupler.trust import (
     penetration,
     rhythm,
     stability,
+    stored,
     tables,
     temperatures,
 )
@@ -58,6 +59,7 @@ class TrustLog:
     across: across.AcrossLog = field(default_factory=across.AcrossLog)
     mesh: mesh.MeshLog = field(default_factory=mesh.MeshLog)
     heat_mesh: heat_mesh.HeatMeshLog = field(default_factory=heat_mesh.HeatMeshLog)
+    stored: stored.StoredLog = field(default_factory=stored.StoredLog)
     windows: int = 0
     forced: int = 0
     forced_t: float = 0.0
@@ -68,9 +70,10 @@ class TrustWatch:
 
     def __init__(self, interface: Interface, models: Mapping[str, Mapping[str, Any]],
                  probes: Mapping[str, str] | None = None, adaptive: bool = False,
-                 own_meshes: Collection[str] = ()) -> None:
+                 own_meshes: Collection[str] = (), ignored: Collection[str] = ()) -> None:
         """models : of the halves (model.json).  probes : name -> unit; none: mean temperatures of bodies stand for
         them (`means`).  adaptive : whether windows find their own size.  own_meshes : the roles of halves on one.
+        ignored : paths of the scene that the thermal half may leave out.
         """
         self._own_meshes = frozenset(own_meshes)
         self._interface = interface
@@ -84,6 +87,8 @@ class TrustWatch:
         self._meeting = [(pair.slave.partition(".")[0], pair.master.partition(".")[0]) for pair in interface.pairs
                          if of_heat.get(pair.name)]
         self._tables = tables.MaterialTables(interface, models)
+        self._stored = stored.StoredHeat(interface, models["thermal"], "thermal" in self._own_meshes,
+                                         ignored)
         self._prescribed = models["mechanical"].get("half") == "rigid"
         self._inside = np.flatnonzero(interface.node_body >= 0)
         self._of = interface.node_body[self._inside]
@@ -96,7 +101,7 @@ class TrustWatch:
     def begun(self, now: Level, values: Array | None = None) -> TrustLog:
         """Return the log before the first window.  values : (n,) of the probes in SI; None: they are not followed."""
         log = TrustLog(temperatures.begun(now), passing=self._sides.begun(now),
-                       tables=self._tables.watched(tables.TableLog(), now))
+                       tables=self._tables.watched(tables.TableLog(), now), stored=self._stored.begun(now))
         return log if values is None else replace(log, errors=errors.begun(values, now.t))
 
     def after(self, log: TrustLog, levels: tuple[Level, Level], terms: Mapping[str, float], *, fresh: bool,
@@ -126,7 +131,7 @@ class TrustWatch:
             carried=carried.watched(log.carried, off_mesh, now.t),
             shapes=carried.watched(log.shapes, shape_off, now.t, 0.0 if shape_off is None else self._deformed(now)),
             across=across.watched(log.across, off_across, now.t),
-            tables=self._tables.watched(log.tables, now))
+            tables=self._tables.watched(log.tables, now), stored=self._stored.watched(log.stored, now, terms))
 
     def wants_equilibrium(self, log: TrustLog, t: float, end: float, at_end: bool = False) -> bool:
         """Whether to ask the mechanical half for `equilibrium.OUTPUT` at t [s] of a run to `end` [s]."""
@@ -176,6 +181,7 @@ class TrustWatch:
             measured("heat balance", off, BALANCE,
                      what=f"a fraction of {off:.2g} of the heat moved is not accounted for",
                      remedy="Use a smaller thermal.tolerance"),
+            *self._stored.checks(log.stored, log.temperatures.span),
             measured("windows solved to their tolerance", log.forced, (0, 0), unit="windows", t=log.forced_t,
                      what=f"{log.forced} of {log.windows} windows were accepted although they did not converge or "
                           f"their error was too large, the last at t = {log.forced_t:.6g} s",
