@@ -64,9 +64,10 @@ class _Enthalpy:
         if self.latent is None:
             return self.rho * self.solid.increase(T0, T)
         L, T_s, T_l = self.latent
-        # fault: latent heat is no part of what is stored -> L = 0.0 | coupler/test_trust_stored
-        dh = (L * melted + self.solid.increase(np.minimum(T0, T_s), np.minimum(T, T_s))
-              + self.liquid.increase(np.maximum(T0, T_l), np.maximum(T, T_l)))
+        # fault: latent heat is no part of what is stored -> dh = 0.0 * melted | coupler/test_trust_stored
+        dh = L * melted
+        dh = dh + self.solid.increase(np.minimum(T0, T_s), np.minimum(T, T_s))
+        dh = dh + self.liquid.increase(np.maximum(T0, T_l), np.maximum(T, T_l))
         if T_l > T_s:
             a, b = np.clip(T0, T_s, T_l), np.clip(T, T_s, T_l)
             for place, weight in GAUSS:
