@@ -47,6 +47,7 @@ OWN_TOOL = "(Slideline)"  # how contact.half.build ends the name of the tool
 KEEP_DAYS = 30  # an FMU not used for so long is dropped from the cache
 CAP = 2_000_000_000  # bytes of the cache; beyond it those used longest ago go
 USED_LATELY = 86400.0  # s
+SIZE = "size.txt"  # beside a cached FMU: its bytes and those of what it unpacks to
 VERDICTS = "verdicts"  # the folder in the cache of what was found of halves (coupler.verify.verdicts)
 
 
@@ -216,6 +217,7 @@ def _put(place: Path, make: Callable[[Path], object]) -> None:
     try:
         make(scratch / "half.fmu")
         unpack(scratch / "half.fmu", scratch / "half")
+        (scratch / SIZE).write_text(str(_bytes_in(scratch)), encoding="ascii")
         try:
             os.replace(scratch, place)
         except OSError:
@@ -249,9 +251,21 @@ def cached_halves(cache: Path) -> list[tuple[Path, float, int]]:
     found = []
     for place in cache.glob("*-" + "[0-9a-f]" * 32):
         with contextlib.suppress(FileNotFoundError):  # another process may be dropping it
-            found.append((place, place.stat().st_mtime,
-                          sum(f.stat().st_size for f in place.rglob("*") if f.is_file())))
+            found.append((place, place.stat().st_mtime, _size_of(place)))
     return sorted(found, key=lambda row: row[1])
+
+
+def _size_of(place: Path) -> int:
+    """Bytes of a cached half, as it was put there: each build asks it of all, and a half is 200 files."""
+    try:
+        # fault: the files of all cached halves are counted at every build -> raise OSError | coupler/test_cache
+        return int((place / SIZE).read_text(encoding="ascii"))
+    except (OSError, ValueError):  # put there before sizes were kept, or cut by a crash of the machine
+        return _bytes_in(place)
+
+
+def _bytes_in(place: Path) -> int:
+    return sum(f.stat().st_size for f in place.rglob("*") if f.is_file() and f.name != SIZE)
 
 
 def drop_to(cache: Path, most: float, spare: float = 0.0) -> int:

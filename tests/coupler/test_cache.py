@@ -9,7 +9,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from coupler.fmu.launch import _cached, is_whole
+from coupler.fmu import launch
+from coupler.fmu.launch import SIZE, _cached, cached_halves, is_whole
 
 
 class Builder:
@@ -68,3 +69,31 @@ def test_a_damaged_fmu_is_built_anew_once(place, damage):
         assert is_whole(fmu)
     assert builder.built == 2
     assert [p.name for p in place.parent.iterdir()] == [place.name]
+
+
+def test_sizes_are_known_without_a_look_at_the_files(tmp_path, monkeypatch):
+    """2.5 ms a half, at every build: a cache of 800 halves, its cap, made each build take 2 s longer."""
+    for k in range(3):
+        _cached(tmp_path / f"toy-{k:032}", Builder())
+    counted = [sum(f.stat().st_size for f in place.rglob("*") if f.is_file() and f.name != SIZE)
+               for place, _, _ in cached_halves(tmp_path)]
+    walks = []
+    bytes_in = launch._bytes_in
+
+    def walked(place: Path) -> int:
+        walks.append(place.parent.name + place.name)
+        return bytes_in(place)
+
+    monkeypatch.setattr(launch, "_bytes_in", walked)
+    assert [size for _, _, size in cached_halves(tmp_path)] == counted
+    assert walks == []
+    _cached(tmp_path / f"toy-{3:032}", Builder())
+    assert len(walks) == 1  # of the new one
+
+
+@pytest.mark.parametrize("content", [None, "", "12 MB"])
+def test_a_size_that_is_lost_is_counted(place, content):
+    _cached(place, Builder())
+    [(_, _, size)] = cached_halves(place.parent)
+    (place / SIZE).unlink() if content is None else (place / SIZE).write_text(content)
+    assert [s for _, _, s in cached_halves(place.parent)] == [size]
