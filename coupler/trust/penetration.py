@@ -76,28 +76,37 @@ class PairYield:
     drawn: float
     both: Indices
 
+    def load(self, now: Level) -> Array:
+        """Return what each slave node carries, (n,) [N/m], 0 where none presses."""
+        return np.asarray(np.maximum(-now.t_N[self.at], 0.0) * self.reach * now.covered[self.at])
+
+    def gives(self, now: Level, load: Array) -> float:
+        """Return how far [m] both bodies yield to a load: over its width, or the thinner body if that is less."""
+        width = float((self.reach * now.covered[self.at])[load > 0.0].sum())
+        p = np.maximum(-now.t_N[self.at], 0.0)
+        return float(load @ (p * self.softness) / load.sum()) * min(width, self.thick)
+
 
 class Yields:
     """The pairs of a scene whose bodies have a stiffness."""
 
     def __init__(self, interface: Interface, augmented: Container[str] = ()) -> None:
         """augmented : names of pairs whose pressure is not their overlap times a penalty."""
-        self._pairs = [y for pair in interface.pairs if (y := _yield_of(interface, pair)) is not None]
+        self.pairs = [y for pair in interface.pairs if (y := _yield_of(interface, pair)) is not None]
         self._augmented = augmented
 
     def __bool__(self) -> bool:
-        return bool(self._pairs)
+        return bool(self.pairs)
 
     def watched(self, log: PenetrationLog, now: Level) -> PenetrationLog:
         """Return the log after one more window."""
-        for pair in self._pairs:
+        for pair in self.pairs:
             # fault: an overlap of augmented surfaces is held against a pressure not due to it -> held = False |
             #   coupler/test_penetration
             held = pair.name in self._augmented and not pair.drawn
             if held and not pair.both.size:
                 continue
-            p = np.maximum(-now.t_N[pair.at], 0.0)
-            load = p * pair.reach * now.covered[pair.at]
+            load = pair.load(now)
             # fault: of points at nodes what lies between them is not told -> deepest = 0.0 | coupler/test_penetration
             deepest = float(np.fmax.reduce(-now.gap[pair.both], initial=0.0))
             if not load.sum() > 0.0:
@@ -106,10 +115,8 @@ class Yields:
                     log = replace(log, unpressed=deepest, unpressed_pair=pair.name, unpressed_t=now.t)
                 continue
             depth = 0.0 if held else float(load @ np.maximum(-now.gap[pair.at], 0.0) / load.sum())
-            width = float((pair.reach * now.covered[pair.at])[load > 0.0].sum())
-            gives = float(load @ (p * pair.softness) / load.sum()) * min(width, pair.thick)
-            # fault: penetration held against a metre -> matters = 1.0 + pair.drawn + gives | coupler/test_penetration
-            matters = pair.drawn or gives
+            # fault: penetration held against a metre -> matters = 1.0 + pair.drawn | coupler/test_penetration
+            matters = pair.drawn or pair.gives(now, load)
             if max(depth, deepest) > log.share * matters:
                 log = replace(log, share=max(depth, deepest) / matters, pair=pair.name, t=now.t,
                               depth=max(depth, deepest), drawn=pair.drawn > 0.0, between=deepest > depth)

@@ -18,6 +18,7 @@ from coupler.trust import (
     carried,
     equilibrium,
     errors,
+    facets,
     heat_mesh,
     mesh,
     passing,
@@ -50,6 +51,7 @@ class TrustLog:
     rhythm: rhythm.RhythmLog = field(default_factory=rhythm.RhythmLog)
     passing: passing.PassingLog = field(default_factory=passing.PassingLog)
     penetration: penetration.PenetrationLog = field(default_factory=penetration.PenetrationLog)
+    facets: facets.FacetLog = field(default_factory=facets.FacetLog)
     errors: errors.ErrorLog = field(default_factory=errors.ErrorLog)
     stability: stability.StabilityLog = field(default_factory=stability.StabilityLog)
     shapes: carried.CarriedLog = field(default_factory=carried.CarriedLog)
@@ -83,6 +85,7 @@ class TrustWatch:
         self._sides = passing.Sides(interface)
         pairs = models["mechanical"].get("pairs", {})
         self._yields = penetration.Yields(interface, {n for n, p in pairs.items() if p.get("augmented")})
+        self._facets = facets.Facets(interface, self._yields)
         of_heat = models["thermal"].get("pairs", {})
         self._meeting = [(pair.slave.partition(".")[0], pair.master.partition(".")[0]) for pair in interface.pairs
                          if of_heat.get(pair.name)]
@@ -128,6 +131,7 @@ class TrustWatch:
             rhythm=rhythm.watched(log.rhythm, levels, warmth.most - warmth.least, self.means(now), fresh),
             passing=self._sides.watched(log.passing, before, now),
             penetration=self._yields.watched(log.penetration, now),
+            facets=self._facets.watched(log.facets, now),
             carried=carried.watched(log.carried, off_mesh, now.t),
             shapes=carried.watched(log.shapes, shape_off, now.t, 0.0 if shape_off is None else self._deformed(now)),
             across=across.watched(log.across, off_across, now.t),
@@ -177,6 +181,7 @@ class TrustWatch:
             *passing.checks(log.passing, self._place(log.passing.node, log.passing.end), bool(self._interface.pairs),
                             self._prescribed),
             penetration.check(log.penetration, self._yields, self._prescribed),
+            *(() if self._prescribed else facets.checks(log.facets, self._facets)),
             *equilibrium.checks(log.equilibrium),
             measured("heat balance", off, BALANCE,
                      what=f"a fraction of {off:.2g} of the heat moved is not accounted for",

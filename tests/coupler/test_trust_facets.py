@@ -1,0 +1,96 @@
+"""Curved surfaces whose straight edges are too coarse for what presses: a line of the trust table."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+sys.path.insert(0, str(Path(__file__).parents[1]))
+
+from random_scenes.scene import Scene
+from random_scenes.story import Story, told
+
+from coupler.trust.facets import NAME, strays_of
+
+A, B, C, DELTA = 0.012, 0.028, 0.047, 2.0e-5
+SHAFT, HUB = (1.1e11, 0.34), (2.1e11, 0.29)
+
+
+def lame() -> float:
+    """The pressure of a hub B..C shrunk on a hollow shaft A..B by the radial interference DELTA, plane strain."""
+    (E_i, nu_i), (E_o, nu_o) = ((E / (1.0 - nu**2), nu / (1.0 - nu)) for E, nu in (SHAFT, HUB))
+    return DELTA / B / (((B**2 + A**2) / (B**2 - A**2) - nu_i) / E_i + ((C**2 + B**2) / (C**2 - B**2) + nu_o) / E_o)
+
+
+def fitted(edges: tuple[int, int], exchange: bool = False, drawn: float = 0.0, **more: Any) -> Story:
+    """A quarter of a shaft in a quarter of a hub, with so many edges on either."""
+    steel = {"rho": 7800, "k": 45, "c": 480, "alpha": 0}
+    sides = ["shaft.outer", "hub.inner"]
+    doc = {"slideline": 2, "title": "fit", "units": {"temperature": "K"}, "geometry": "plane",
+           "materials": {name: {**steel, "E": E, "nu": nu} for name, (E, nu) in (("inner", SHAFT), ("outer", HUB))},
+           "bodies": {"shaft": {"material": "inner", "T0": 300}, "hub": {"material": "outer", "T0": 300}},
+           "contact": {"fit": dict(zip(("slave", "master"), sides[::-1] if exchange else sides, strict=True))
+                       | {"gap_max": 0.005} | more},
+           "thermal": {"half": "thermal", "method": "midpoint"},
+           "mechanical": {"half": "elastic", "elastic": {"boundary": [
+               {"on": f"{body}.{side}", name: 0} for body in ("shaft", "hub")
+               for side, name in (("start", "u_y"), ("end", "u_x"))]}},
+           "coupling": {"scheme": "staggered", "end": 1, "windows": [{"until": 1, "size": 0.5}]}}
+    rings = {"shaft": (A, B + 0.5 * drawn), "hub": (B - 0.5 * drawn, C)}
+    return told(Scene(doc, {body: {"ring": list(radii), "angles": [0, 90], "cells": [4, n]}
+                            for (body, radii), n in zip(rings.items(), edges, strict=True)}))
+
+
+def pressures(story: Story) -> np.ndarray:
+    side = next(side for side in story.interface.pair_sides if side.own)
+    return -story.t_N[-1, side.at]
+
+
+@pytest.mark.parametrize("exchange", [False, True])
+@pytest.mark.parametrize("how", [{"interference": DELTA}, {"drawn": DELTA}])
+def test_a_fit_of_unlike_edges_is_broken_and_told_what_mends_it(how: dict[str, float], exchange: bool) -> None:
+    """13 edges on 17: the mean pressure is 0.32 to 2.7 times Lame's, single ones 0 to 5 times."""
+    story = fitted((13, 17), exchange, **how)
+    p = pressures(story) / lame()
+    assert p.min() < 0.1
+    assert p.max() > 0.8
+    assert story.says(NAME)
+    assert story.says("smooth: true")
+    mended = fitted((13, 17), exchange, smooth=True, **how)
+    np.testing.assert_allclose(pressures(mended), lame(), rtol=7e-3)
+    assert not mended.says(NAME)
+
+
+@pytest.mark.parametrize("how", [{"interference": DELTA}, {"drawn": DELTA}])
+def test_edges_that_match_are_as_good_as_arcs(how: dict[str, float]) -> None:
+    story = fitted((16, 16), **how)
+    np.testing.assert_allclose(pressures(story), lame(), rtol=8e-3)
+    assert not story.says(NAME)
+
+
+def test_a_stated_fit_strays_between_the_nodes_of_its_slave_alone() -> None:
+    """Where nodes of the slave face all of the master's the stated gap is met at both ends and in between."""
+    fine = fitted((32, 16), interference=DELTA)
+    np.testing.assert_allclose(pressures(fine), lame(), rtol=7e-3)
+    assert not fine.says(NAME)
+    coarse = fitted((16, 32), interference=DELTA)
+    assert pressures(coarse).mean() < 0.7 * lame()
+    assert coarse.says(NAME)
+
+
+def test_the_stray_is_that_of_the_chords() -> None:
+    """An edge of length h on a radius R strays by (h^2/2R) xi (1 - xi); mean square 1/30 of (h^2/2R)^2."""
+    interface = fitted((16, 32), drawn=-2.0e-3).interface
+    strays, gap = strays_of(interface)
+    side = next(side for side in interface.pair_sides if side.own)
+    r = B - 1.0e-3
+    rise = 0.5 * r * (np.pi / 32.0) ** 2
+    # Two chords of the hub, a quarter as high, to each of the shaft: rise (xi (1 - xi) - eta (1 - eta)/4 R/r).
+    xi = np.linspace(0.0, 1.0, 20001)
+    stray = rise * (xi * (1.0 - xi) - 0.25 * (B + 1.0e-3) / r * (2.0 * xi % 1.0) * (1.0 - 2.0 * xi % 1.0))
+    np.testing.assert_allclose(strays[side.at], np.sqrt(np.mean(stray**2)), rtol=5e-3)
+    np.testing.assert_allclose(gap[side.at][1:-1], 2.0e-3, rtol=2e-2)
