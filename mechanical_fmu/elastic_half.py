@@ -193,7 +193,8 @@ def outputs_of(system: System, found: StepResult, moved: Moved, state: ElasticSt
         outputs |= contact_outputs(balance.tractions, state.slid if system.contact.slips else None,
                                    system.contact.tied)
     stress = stress_outputs(system, found, moved)
-    return replace(stress, now=outputs | dict(stress.now), apart=unstable_outputs(system, found, moved))
+    apart = {**stress.apart, **unstable_outputs(system, found, moved)}
+    return replace(stress, now=outputs | dict(stress.now), apart=apart)
 
 
 def _heats(system: System, found: StepResult, moved: Moved, state: ElasticState) -> dict[str, Value]:

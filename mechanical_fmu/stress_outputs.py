@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from functools import partial
+from functools import cached_property, partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -82,8 +82,35 @@ def stress_outputs(system: System, found: StepResult, moved: Moved) -> Outputs:
     if not system.volume.elastic:
         return _stresses(system, found, moved)
     # What is kept until then is to be small.
-    of = partial(_stresses, system, replace(found, balance=replace(found.balance, entries=None, tractions=None)), moved)
-    return Outputs({}, tuple(v.name for v in (*stress_variables(system), *mesh_variables(system))), of)
+    found = replace(found, balance=replace(found.balance, entries=None, tractions=None))
+    told = [v.name for v in (*stress_variables(system), *mesh_variables(system))]
+    sizes = _Sizes(system, found.balance.u, moved.loading.moduli)
+    apart = {name: partial(getattr, sizes, name) for name in ("sigma_v", "sigma_hoop") if name in told}
+    return Outputs({}, tuple(name for name in told if name not in apart), partial(_stresses, system, found, moved),
+                   apart)
+
+
+@dataclass(frozen=True)
+class _Sizes:
+    """The sizes of the stress, which a run asks for in every window, and of frames alone for the rest."""
+
+    system: System
+    u: Floats
+    moduli: tuple[Moduli, ...]
+
+    @cached_property
+    def _both(self) -> tuple[Floats, Floats]:
+        return self.system.volume.stress_sizes(self.u, self.moduli)
+
+    @property
+    def sigma_v(self) -> Floats:
+        """(n_cells,) [Pa]."""
+        return self._both[0]
+
+    @property
+    def sigma_hoop(self) -> Floats:
+        """(n_cells,) [Pa]."""
+        return self._both[1]
 
 
 def _of_mesh(system: System, stress: list[Floats], moduli: tuple[Moduli, ...]) -> dict[str, Value]:

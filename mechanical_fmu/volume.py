@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mechanical_fmu.cells import Cells
-from mechanical_fmu.elastic_loop import cell_forces, cell_stress
+from mechanical_fmu.elastic_loop import cell_forces, cell_stress, cell_stress_sizes
 from mechanical_fmu.laws.law import has_skew_tangent
 from mechanical_fmu.material import Moduli
 from mechanical_fmu.point import CODES
@@ -172,6 +172,19 @@ class DeformableMesh:
                         Out(np.zeros_like(u), np.empty((0, 0, 0)), unused, np.empty(len(unused)), stress, strain))
             out.append((stress, strain))
         return tuple(out)
+
+    def stress_sizes(self, u: Floats, moduli: tuple[Moduli, ...]) -> tuple[Floats, Floats]:
+        """Compute cell means of the von Mises stress and of the stress 33, (n_cells,) [Pa], of bodies without a past.
+
+        u : (n_nodes, 2) [m].  0 in rigid bodies.  As `stress` says, in less than half of its time.
+        """
+        sigma_v, hoop = np.zeros(self.n_cells), np.zeros(self.n_cells)
+        for cells, m in zip(self.kinds, moduli, strict=True):
+            of, around = np.empty(len(cells.nodes)), np.empty(len(cells.nodes))
+            cell_stress_sizes(cells.nodes, cells.B, cells.N_over_R, cells.weight, cells.volume, m.mu, m.kappa, m.e_th,
+                              u, of, around)
+            sigma_v[cells.number], hoop[cells.number] = of, around
+        return sigma_v, hoop
 
 
 def _loop(cells: Cells, m: Moduli, u: Floats, tangent: bool, f: Floats, K: Floats) -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Collection, Iterator, Mapping
 from dataclasses import dataclass
+from math import isfinite, sqrt
 from pathlib import Path
 
 import numpy as np
@@ -81,11 +82,17 @@ def _contact(level: Level) -> ContactSample:
 
 def _range(values: Array) -> tuple[float, float]:
     """Least and largest of numbers (n,), or of the sizes of vectors (n, 2), in their unit; nan where there is none."""
-    # fault: extremes of a vector are those of one component -> size = values[:, 0] if values.ndim == 2 else values |
-    #   coupler/test_extremes
-    size = np.linalg.norm(values, axis=1) if values.ndim == 2 else values
-    known = size[np.isfinite(size)]
-    return (float(known.min()), float(known.max())) if known.size else (np.nan, np.nan)
+    # Of squares and their root: as exact as of the sizes themselves.
+    # fault: extremes of a vector are those of one component -> size = values[:, 0] ** 2 if values.ndim == 2 else values
+    #   | coupler/test_extremes
+    size = values[:, 0] ** 2 + values[:, 1] ** 2 if values.ndim == 2 else values
+    if not size.size:
+        return np.nan, np.nan
+    least, most = float(size.min()), float(size.max())
+    if not (isfinite(least) and isfinite(most)):
+        known = size[np.isfinite(size)]
+        least, most = (float(known.min()), float(known.max())) if known.size else (np.nan, np.nan)
+    return (sqrt(least), sqrt(most)) if values.ndim == 2 else (least, most)
 
 
 class ExtraOutputs:
