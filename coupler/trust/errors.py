@@ -230,10 +230,9 @@ def estimated(log: ErrorLog) -> Array:
 
 def _now(log: ErrorLog) -> Array:
     """The error of each probe at the end of the last window, (n,) in SI."""
-    rows = zip(log.errors, log.bends, log.counts, log.rest, strict=True)
     # fault: only the windows that were looked at have errors -> smooth = np.zeros(len(log.known)) |
     #   coupler/test_trust_errors
-    smooth = np.array([_carried_on(*row) for row in rows])
+    smooth = _carried_on(log)
     error, bend = log.at_switch.T
     ratios = np.divide(error, bend, out=np.full(len(bend), AT_SWITCH), where=bend > 0.0)
     # fault: what is measured at a switch of contact tells of no other -> apart = AT_SWITCH * log.switches + log.jumps |
@@ -248,22 +247,29 @@ def _now(log: ErrorLog) -> Array:
     return log.known + apart + np.where(log.bends.any(axis=1), smooth, alone)
 
 
-def _carried_on(errors: Array, bends: Array, counts: Array, rest: Array) -> float:
-    """The errors of windows not looked at, of one probe: by the ratio of their class.
+def _carried_on(log: ErrorLog) -> Array:
+    """The errors of windows not looked at, (n,) of the probes in SI: by the ratio of their class.
 
-    Where no window of it was looked at, by the larger of that of the nearest class and that of all.
+    Where no window of it was looked at, by the larger of that of the nearest class and that of all; 0 where none was.
     """
-    known, asked = np.flatnonzero(bends), np.flatnonzero(rest)
+    bent = log.bends > 0.0
+    known, asked = np.flatnonzero(bent.any(axis=0)), np.flatnonzero(log.rest.any(axis=0))
     if not known.size or not asked.size:
-        return 0.0
-    nearest = known[np.abs(asked[:, None] - known[None, :]).argmin(axis=1)]
-    ratios, all_of_them = errors[nearest] / bends[nearest], errors.sum() / bends.sum()
-    # fault: the ratio of all windows for each -> return float(all_of_them * rest.sum()) | coupler/test_trust_errors
-    ratios = np.where(nearest == asked, ratios, np.maximum(ratios, all_of_them))
-    # fault: a jump inside a window is carried on to all -> once = np.zeros(len(asked), dtype=bool) |
+        return np.zeros(len(log.rest))
+    far = np.where(bent[:, None, known], np.abs(asked[:, None] - known), CLASSES)
+    nearest = known[far.argmin(axis=2)]
+    errors, bends, counts = (np.take_along_axis(of, nearest, axis=1) for of in (log.errors, log.bends, log.counts))
+    ratios, of_all, total = np.zeros_like(bends), np.zeros((len(bends), 1)), log.bends.sum(axis=1, keepdims=True)
+    np.divide(errors, bends, out=ratios, where=bends > 0.0)
+    np.divide(log.errors.sum(axis=1, keepdims=True), total, out=of_all, where=total > 0.0)
+    rest = log.rest[:, asked]
+    # fault: the ratio of all windows for each -> return np.asarray(of_all[:, 0] * rest.sum(axis=1)) |
     #   coupler/test_trust_errors
-    once = (nearest != asked) | (counts[nearest] < 2.0)
-    return float(np.where(once, np.minimum(ratios, MOST), ratios) @ rest[asked])
+    ratios = np.where(nearest == asked, ratios, np.maximum(ratios, of_all))
+    # fault: a jump inside a window is carried on to all -> once = np.zeros_like(ratios, dtype=bool) |
+    #   coupler/test_trust_errors
+    once = (nearest != asked) | (counts < 2.0)
+    return np.asarray((np.where(once, np.minimum(ratios, MOST), ratios) * rest).sum(axis=1))
 
 
 def scales(log: ErrorLog, units: Sequence[str]) -> Array:
