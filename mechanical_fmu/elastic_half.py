@@ -47,7 +47,7 @@ from mechanical_fmu.program import MechanicalProgram
 from mechanical_fmu.stress_outputs import Moved, mesh_variables, stress_outputs, stress_variables
 from mechanical_fmu.system import ForceBalance, Loading, System, system_of
 from mechanical_fmu.tangent import MAX_SURFACE_DOFS, StiffnessAnchor, refuse_loose, refuse_unheld
-from mechanical_fmu.unstable import unstable_outputs, unstable_variables
+from mechanical_fmu.unstable import UNKNOWN, unstable_outputs, unstable_variables
 from mechanical_fmu.volume import CellError, CellInversionError, PointStep
 from mechanical_fmu.warm import Beginning, beginning, memory_layout
 
@@ -193,8 +193,10 @@ def outputs_of(system: System, found: StepResult, moved: Moved, state: ElasticSt
         outputs |= contact_outputs(balance.tractions, state.slid if system.contact.slips else None,
                                    system.contact.tied)
     stress = stress_outputs(system, found, moved)
-    apart = {**stress.apart, **unstable_outputs(system, found, moved)}
-    return replace(stress, now=outputs | dict(stress.now), apart=apart)
+    # Of what a run asks for a dozen times a state in bytes keeps nothing: it would cost a factorisation each.
+    seldom = unstable_outputs(system, found, moved)
+    return replace(stress, now=outputs | dict(stress.now), apart={**stress.apart, **seldom},
+                   unless_asked=dict.fromkeys(seldom, UNKNOWN))
 
 
 def _heats(system: System, found: StepResult, moved: Moved, state: ElasticState) -> dict[str, Value]:

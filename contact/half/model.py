@@ -79,12 +79,14 @@ class Outputs(Mapping[str, Value]):
     now : those that are known.  later : names of the others, Reals.  make : gives all of these; it holds what they
     follow from, which nobody may change any more, and it cannot fail: a step without such an answer is a Discard.
     apart : name -> gives this one alone, in the same way; for what is asked for much more seldom.
+    unless_asked : those of `apart` that a state in bytes does not keep, and what is told of them there.
     """
 
     now: Values
     later: tuple[str, ...] = ()
     make: Callable[[], Values] = dict
     apart: Mapping[str, Callable[[], Value]] = field(default_factory=dict)
+    unless_asked: Mapping[str, Value] = field(default_factory=dict)
 
     def __getitem__(self, name: str) -> Value:
         # fault: what is seldom asked for is made with the rest -> if name in self.apart and self._made: |

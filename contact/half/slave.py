@@ -14,6 +14,7 @@ import traceback
 from abc import ABC, abstractmethod
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import cached_property
 from pathlib import Path
 from typing import Any, ClassVar
 
@@ -85,8 +86,14 @@ class Saved:
             return self
         reals = np.array(self.reals)
         for one in self.owed:
-            one.pay(reals)
+            one.leave(reals)
         return replace(self, reals=frozen_copy(reals), owed=())
+
+    # fault: a state is written down for its size and then once more -> @property | contact/test_store
+    @cached_property
+    def data(self) -> bytes:
+        """The state in bytes: a master asks how many they are, and then for them."""
+        return to_bytes(self.settled())
 
 
 @dataclass(frozen=True)
@@ -317,7 +324,7 @@ class HalfSlave(Fmi2Slave, ABC):  # type: ignore[misc]
     @staticmethod
     def _fmu_state_to_bytes(saved: Saved | Unread) -> bytes:
         try:
-            return saved.data if isinstance(saved, Unread) else to_bytes(saved.settled())
+            return saved.data
         except BaseException:  # noqa: BLE001 the border; restoring no bytes at all fails with a clear text
             return b""
 

@@ -32,7 +32,16 @@ class Owed:
 
     def pay(self, reals: Floats) -> None:
         """Write it into reals : (n_real,), in SI.  Raises ValueError where its shape is another: a bug."""
-        reals[self.first : self.last] = np.ravel(checked_output(self.variable, self.of[self.variable.name]))
+        self._put(reals, self.of[self.variable.name])
+
+    def leave(self, reals: Floats) -> None:
+        """Write what a state in bytes tells of it: itself, unless that costs too much for what nobody may ask for."""
+        name, kept = self.variable.name, self.of.unless_asked
+        # fault: what is seldom asked for is worked out for every state in bytes -> self.pay(reals) | contact/test_store
+        self._put(reals, kept[name] if name in kept else self.of[name])
+
+    def _put(self, reals: Floats, value: Value) -> None:
+        reals[self.first : self.last] = np.ravel(checked_output(self.variable, value))
 
 
 class VariableStore:
