@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
 
@@ -85,7 +86,8 @@ def stress_outputs(system: System, found: StepResult, moved: Moved) -> Outputs:
     found = replace(found, balance=replace(found.balance, entries=None, tractions=None))
     told = [v.name for v in (*stress_variables(system), *mesh_variables(system))]
     sizes = _Sizes(system, found.balance.u, moved.loading.moduli)
-    apart = {name: partial(getattr, sizes, name) for name in ("sigma_v", "sigma_hoop") if name in told}
+    apart: dict[str, Callable[[], Value]] = {
+        name: partial(getattr, sizes, name) for name in ("sigma_v", "sigma_hoop") if name in told}
     return Outputs({}, tuple(name for name in told if name not in apart), partial(_stresses, system, found, moved),
                    apart)
 
