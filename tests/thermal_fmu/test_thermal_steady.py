@@ -116,6 +116,26 @@ def test_what_has_no_steady_state_asks_for_a_shorter_step_only_where_that_may_he
     assert done.dt_suggest == again
 
 
+def test_what_moved_before_is_asked_twice_and_no_more():
+    """Warm elastic bodies rest, but not as drawn.  What moves on, or is heated by mechanics, may differ."""
+    bar, model = furnace({"polynomial": [50.0, -0.1]}, 2000.0)
+    half, link = load(bar, model), FlatContact()
+    state, _ = half.start(inputs_of(bar, half), 0.0, link)
+
+    def suggested(h, moved=1.01, t=0.0, **more):
+        done = half.step(state, inputs_of(bar, half) | {"x": bar.nodes * moved} | more, t, h, link)
+        assert isinstance(done, Discard)
+        return done.dt_suggest
+
+    assert suggested(1.0) == 0.5
+    assert suggested(0.5) == 0.5
+    assert suggested(0.25, moved=1.02) == 0.125
+    assert suggested(0.25, moved=1.02, t=0.1) == 0.125
+    heat = {"E_M": np.full(bar.quads.shape[0], 1e-9)}
+    assert [suggested(h, **heat) for h in (1.0, 0.5)] == [0.5, 0.25]
+    assert [suggested(h, **{"control.event": int(h)}) for h in (1.0, 2.0)] == [0.5, 2.0]
+
+
 def test_the_method_is_a_rule_too():
     """control.method 5 in a transient model: the steady state at once."""
     bar = scene(Box(0, 1, 0, 1, 10))
