@@ -14,6 +14,7 @@ import io
 import os
 import secrets
 import shutil
+import sys
 import tempfile
 import time
 import zipfile
@@ -22,7 +23,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
-from functools import partial
+from functools import lru_cache, partial
 from importlib.metadata import EntryPoint, entry_points
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -53,7 +54,22 @@ VERDICTS = "verdicts"  # the folder in the cache of what was found of halves (co
 
 def known_halves() -> dict[str, EntryPoint]:
     """The kinds of halves that are installed."""
+    return dict(_installed(tuple((place, _changed(place)) for place in sys.path)))
+
+
+@lru_cache(maxsize=4)
+def _installed(places: tuple[tuple[str, int], ...]) -> dict[str, EntryPoint]:
+    """The kinds that are found in places as they are now: 8 ms for all that is installed, 20 times a run."""
     return {point.name: point for point in entry_points(group=GROUP)}
+
+
+def _changed(place: str) -> int:
+    """When a package was last put into a folder of sys.path, or taken from it [ns]."""
+    try:
+        # fault: a half that is installed while the program runs stays unknown -> return 0 | coupler/test_halves
+        return os.stat(place or os.curdir).st_mtime_ns
+    except OSError:
+        return 0
 
 
 def build_half(kind: str, directory: Path, cache: Path | None = None, fmi: int = 2) -> Path:
@@ -201,7 +217,8 @@ def _key(kind: str, module: str, directory: Path) -> str:
     try:
         interface, model = load_directory(directory)
         # A half of another package may be made of ours: what it is built of is not known here, so all of it counts.
-        ours = {known_halves()[n].module.partition(".")[0] for kinds in OWN.values() for n in kinds.values()}
+        known = known_halves()
+        ours = {known[name].module.partition(".")[0] for kinds in OWN.values() for name in kinds.values()}
         used = ("contact", package) if package in ours else ("contact", *sorted(ours), package)
         sources = {name: sources_hash(package_directory(name)) for name in used}
     except ValueError as exc:

@@ -75,6 +75,11 @@ def known_kinds(role: str) -> tuple[str, ...]:
     return (*OWN[role], *PROGRAMS[role], *sorted({e.name for e in entry_points(group=GROUP)} - SHIPPED))
 
 
+def stands_in(role: str, kind: str) -> bool:
+    """Whether a half of this kind can stand in a role; what others have installed is looked up for theirs alone."""
+    return kind in OWN[role] or kind in PROGRAMS[role] or kind in known_kinds(role)
+
+
 def entry_of(role: str, kind: str) -> str:
     """Return the entry point of the scenario's word for a half."""
     return OWN[role].get(kind) or PROGRAMS[role].get(kind, kind)
@@ -93,11 +98,9 @@ def check_kind(document: Document, role: str, kind: str, at: Key = ()) -> None:
             raise document.error(at or (role, "half"), f"there is no FMU {fmu}",
                                  "Paths are relative to the scenario file.")
         return
-    known = known_kinds(role)
-    if kind not in known:
-        raise document.error(
-            at or (role, "half"), f"there is no {role} half of kind {kind!r}", did_you_mean(kind, known)
-        )
+    if not stands_in(role, kind):
+        raise document.error(at or (role, "half"), f"there is no {role} half of kind {kind!r}",
+                             did_you_mean(kind, known_kinds(role)))
 
 
 # What each half is told of a scenario: the problem it solves, in SI, and all that is wrong with it.
@@ -420,7 +423,7 @@ def _ignored(s: Stated, role: str, problem: Part, kind: str, ignore: Collection[
     """Conditions of the scene that a half of another package declares not to read."""
     # A half of the other role is refused by its name (check_kind): what it reads of a scene says nothing here.
     # fault: a half of the other role is asked what it reads -> other_role = False | coupler/test_scenario_errors
-    other_role = fmu_path(kind, s.file_folder) is None and kind not in known_kinds(role)
+    other_role = fmu_path(kind, s.file_folder) is None and not stands_in(role, kind)
     words = None if other_role else understood_by(entry_of(role, kind), s.file_folder)
     if words is None:
         return

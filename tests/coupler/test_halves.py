@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import shutil
 import subprocess
 import sys
 import time
@@ -27,6 +28,21 @@ def cache(tmp_path, monkeypatch) -> Path:
 
 def test_our_own_halves_and_a_third_partys_are_known(cache):
     assert {"thermal", "elastic", "rigid", "toy"} <= set(known_halves())
+
+
+def test_one_that_is_installed_while_the_program_runs_is_known_and_forgotten_with_its_package(tmp_path, monkeypatch):
+    monkeypatch.syspath_prepend(str(tmp_path))
+    info = tmp_path / "late_half-1.0.dist-info"
+    for kind in ("late", "later"):  # another version of the package comes in a new folder
+        assert kind not in known_halves()
+        info.mkdir()
+        (info / "METADATA").write_text("Metadata-Version: 2.1\nName: late-half\nVersion: 1.0\n")
+        (info / "entry_points.txt").write_text(f"[slideline.halves]\n{kind} = late_half.build\n")
+        assert known_halves()[kind].module == "late_half.build"
+        known_halves().clear()  # what is done to an answer changes no other
+        assert {"thermal", kind} <= set(known_halves())
+        shutil.rmtree(info)
+        assert kind not in known_halves()
 
 
 def test_an_unknown_kind_names_the_known_ones(cache, tmp_path):
