@@ -1,0 +1,69 @@
+"""A half whose surfaces slip a little longer after a change of the inputs is a right one, one that creeps is not."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+from coupler import load_scenario
+from coupler.fmu.half import Half
+from coupler.verify.bench import settled
+from coupler.verify.border import CheckVerdict
+from coupler.verify.physics import converges
+from coupler.verify.verdicts import border_of
+from mechanical_fmu.elastic_half import load
+
+sys.path.insert(0, str(Path(__file__).parent))
+from broken_halves import Broken, Values, on
+from model_half import ModelHalf
+
+# The upper block is pressed by a traction, and warmer: its ends slip outwards.
+SCENE = """
+slideline: 2
+units: {temperature: K}
+geometry: plane
+materials:
+  steel: {rho: 8000, c: 500, k: 30, E: 2.0e9, nu: 0.3, alpha: 1.2e-5, T_ref: 293.15}
+bodies:
+  lower: {mesh: {rectangle: {origin: [0, 0], size: [0.04, 0.01], cells: [8, 4]}}, material: steel, T0: 300}
+  upper: {mesh: {rectangle: {origin: [0.005, 0.01], size: [0.02, 0.01], cells: [6, 4]}}, material: steel, T0: 600}
+contact:
+  joint:
+    slave: upper.bottom
+    master: lower.top
+    gap_max: 0.002
+    penalty: 1.0e13
+    friction: {mu: 0.3}
+    conduction: {closed: {law: constant, h: 1000}, open: null}
+thermal: {}
+mechanical:
+  half: elastic
+  elastic:
+    boundary:
+      - {on: lower.bottom, u_x: 0, u_y: 0}
+      - {on: upper.top, u_x: 0}
+      - {on: upper.top, t_y: -1.0e6}
+coupling: {scheme: staggered, end: 10, windows: [{until: 10, size: 1}]}
+"""
+
+
+def creeps(half: Broken, outputs: Values, h: float) -> Values:
+    """1e-8 m more in each substep, of any length."""
+    return on("x", lambda half, x: x + 1e-8 * half.made)(half, outputs, h)
+
+
+@pytest.mark.parametrize(("rule", "verdict"), [(None, CheckVerdict.PASS), (creeps, CheckVerdict.FAIL)])
+def test_friction_may_settle_and_nothing_may_creep(
+        tmp_path: Path, rule: Callable[[Broken, Values, float], Values] | None, verdict: CheckVerdict) -> None:
+    (tmp_path / "s.yaml").write_text(SCENE)
+    scenario = load_scenario(tmp_path / "s.yaml")
+
+    def make() -> Half:
+        half = ModelHalf(load(scenario.interface, scenario.models["mechanical"]))
+        return half if rule is None else Broken(half, rule)
+
+    finding = converges(settled(make, 1.0, border_of(scenario, "mechanical")), "substeps converge")
+    assert finding.verdict is verdict, finding.reason
