@@ -10,6 +10,7 @@ import reprlib
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
+from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
@@ -181,6 +182,8 @@ def document_from(path: Path, text: str) -> Document:
             remedy="Start with `slideline: 2`; see docs/scenario.md.",
         )
     reading = _Reading(str(path))
+    # fault: what is done to a document is done to all of its text -> tree = node |
+    #   coupler/test_scenario_reading::test_what_is_done_to_a_document_another_of_the_same_text_does_not_see
     tree = reading.plain(node, ())
     return Document(path, text, tree, reading.lines)
 
@@ -246,10 +249,8 @@ def _refuse_bombs(text: str, file: str) -> None:
 
 def _parse(text: str, file: str) -> Any:
     _refuse_bombs(text, file)
-    yaml = YAML(typ="rt", pure=True)
-    yaml.Constructor = _CountingConstructor
     try:
-        return yaml.load(text)
+        return _nodes(text)
     except _TooManyMergedError as exc:
         raise ScenarioError(f"the merges (<<) bring in more than {MAX_MERGED} keys", file=file, line=exc.line,
                             remedy="Write the values out, or merge fewer.") from exc
@@ -270,6 +271,17 @@ def _parse(text: str, file: str) -> Any:
     except ValueError as exc:
         # ruamel lets these out for scalars that look like a number or a date and are none (`2020-13-45`).
         raise ScenarioError(f"not valid YAML: {exc}", file=file, remedy=YAML_REMEDY) from exc
+
+
+@lru_cache(maxsize=16)
+def _nodes(text: str) -> Any:
+    """The nodes of a text, of which _Reading makes values and changes nothing.
+
+    Studies, and whoever loads a scenario with other overrides, parse it once: 15 ms for a small one.
+    """
+    yaml = YAML(typ="rt", pure=True)
+    yaml.Constructor = _CountingConstructor
+    return yaml.load(text)
 
 
 class _TooManyMergedError(Exception):

@@ -7,10 +7,11 @@ import time
 from pathlib import Path
 
 import pytest
+from ruamel.yaml import YAML
 
 from coupler.errors import UNPRINTABLE, ScenarioError
 from coupler.scenario import load_scenario
-from coupler.scenario.document import MAX_BYTES, read_document
+from coupler.scenario.document import MAX_BYTES, document_from, read_document
 
 sys.path.insert(0, str(Path(__file__).parent))
 from scenario_text import GOOD, load_text
@@ -55,6 +56,25 @@ def test_what_is_no_scenario_is_one_clear_error(data: bytes | None, words: str, 
     error = refusal(tmp_path / "s.yaml", data)
     assert words in error.message
     assert error.line == line
+
+
+def test_what_is_done_to_a_document_another_of_the_same_text_does_not_see(tmp_path: Path,
+                                                                          monkeypatch: pytest.MonkeyPatch) -> None:
+    text = "a: {b: [1, 2.5, two]}\nc: &c {d: 1e-3}\ne: *c\n"
+    parsed = []
+    load = YAML.load
+    monkeypatch.setattr(YAML, "load", lambda self, text: parsed.append(text) or load(self, text))
+    first = document_from(tmp_path / "s.yaml", text)
+    first.tree["a"]["b"].append(3)
+    first.tree["c"]["d"] = 7.0
+    first.lines.clear()
+    second = document_from(tmp_path / "other.yaml", text)
+    assert second.tree == {"a": {"b": [1, 2.5, "two"]}, "c": {"d": 1e-3}, "e": {"d": 1e-3}}
+    assert second.lines[("c",)] == 2
+    assert second.path.name == "other.yaml"
+    assert parsed == [text]
+    assert document_from(tmp_path / "s.yaml", text.replace("two", "three")).tree["a"]["b"][2] == "three"
+    assert len(parsed) == 2
 
 
 def test_a_folder_is_not_a_scenario(tmp_path: Path) -> None:
