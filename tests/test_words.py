@@ -24,7 +24,7 @@ GIVEN_UP = {
     r"came in by|why so\b": "source, reason",
     r"facing points?\b": "contact quadrature point",
     r"held against the border|how to mend it": "checked against the interface specification",
-    r"lies? ready": "prebuilt", r"tries put back": "rejected steps",
+    r"lies? ready": "prebuilt", r"(?:tries|windows?) put back|put back (?:above|and halved)": "rejected",
     r"finds? (?:its|their) own size": "adaptive", r"told, and left out": "reported and ignored",
     r"how little of the model": "the cheapest model within your tolerance", r"without crumbs": "without tiny steps",
     r"not beaten by any other": "Pareto optimal", r"named breaks?\b": "seeded faults",

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import difflib
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated, Any
@@ -17,8 +18,22 @@ from coupler.scenario import Scenario, load_scenario, parse_override
 
 def installed(path: Path) -> Path:
     """Return the file that a name of `slideline list` stands for; a path as it is."""
-    # fault: a name that `list` tells is no scenario -> return path | coupler/test_cli
-    return (shipped_scenarios() / f"{path}.yaml") if _is_listed(path) else path
+    # fault: a name that `list` tells is no scenario -> if False: | coupler/test_cli
+    if _is_listed(path):
+        return shipped_scenarios() / f"{path}.yaml"
+    # fault: a name that is nearly one of `list` is a file that is missing -> if False: | coupler/test_cli
+    if not path.exists() and path.name == str(path):
+        _suggest(path)
+    return path
+
+
+def _suggest(path: Path) -> None:
+    """Raise ScenarioError for what is neither a file nor a listed name, but nearly one."""
+    names = sorted(file.stem for file in shipped_scenarios().glob("*.yaml"))
+    near = difflib.get_close_matches(path.stem, names, n=1, cutoff=0.75)
+    if near:
+        raise ScenarioError("there is no such file", file=str(path),
+                            remedy=f"Did you mean the installed scenario {near[0]!r}? Give its name, without an ending")
 
 
 def _is_listed(path: Path) -> bool:
@@ -33,10 +48,21 @@ SetOption = Annotated[list[str] | None, typer.Option(
     "--set", metavar="KEY=VALUE", help="Change a value: coupling.scheme=staggered. May be repeated.")]
 SwapOption = Annotated[list[str] | None, typer.Option(
     "--swap", metavar="HALF=KIND", help="Use another half: mechanical=rigid. May be repeated.")]
+
+
+def _after_the_start(until: float | None) -> float | None:
+    # fault: a run may be asked to end before it starts -> if False: | coupler/test_cli
+    if until is not None and not until > 0.0:
+        raise ScenarioError("no window ends at or before this time", key="--until", value=until,
+                            remedy="Give seconds of simulated time, greater than 0")
+    return until
+
+
 UntilOption = Annotated[float | None, typer.Option(
-    # fault: an option that the pages name is renamed -> "--til", metavar="SECONDS", help="Stop at the first window end
-    #   at or after this time; `resume` continues.")] | test_docs::test_commands_and_options_exist
-    "--until", metavar="SECONDS", help="Stop at the first window end at or after this time; `resume` continues.")]
+    # fault: an option that the pages name is renamed -> "--til", metavar="SECONDS", callback=_after_the_start, |
+    #   test_docs::test_commands_and_options_exist
+    "--until", metavar="SECONDS", callback=_after_the_start,
+    help="Stop at the first window end at or after this time; `resume` continues.")]
 ProcessesOption = Annotated[bool, typer.Option(
     "--processes", help="Run each half and the contact service in its own process.")]
 JsonOption = Annotated[bool, typer.Option("--json", help="Print JSON, for scripts.")]
@@ -60,7 +86,7 @@ def overrides_of(sets: Sequence[str] | None, swaps: Sequence[str] | None) -> dic
             overrides[f"thermal.halves.{one}.half"] = kind
             continue
         if not sep or half not in ("thermal", "mechanical") or not kind:
-            raise ScenarioError("--swap expects thermal=KIND or mechanical=KIND", key="--swap", value=text,
+            raise ScenarioError("expects thermal=KIND or mechanical=KIND", key="--swap", value=text,
                                 remedy="For example --swap mechanical=rigid")
         overrides[f"{half}.half"] = kind
     return overrides

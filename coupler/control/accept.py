@@ -84,7 +84,7 @@ def at_least(attempt: Attempt) -> bool:
 def tried_again(attempt: Attempt, control: ControlState, why: str) -> ControlState:
     """With one more failure counted.  Raises CouplingError after too many on end."""
     if control.failures >= MAX_TRIES:
-        raise gave_up(attempt, why, f"{control.failures} tries on end were put back")
+        raise gave_up(attempt, why, f"{control.failures} tries in a row were rejected")
     return replace(control, failures=control.failures + 1)
 
 

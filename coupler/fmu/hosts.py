@@ -67,7 +67,8 @@ def read_hosts(path: Path, halves: Iterable[str] = ()) -> Hosts:
         text = path.read_bytes()
         raw = YAML(typ="safe", pure=True).load(text) if len(text) <= MOST else None
     except OSError as exc:
-        raise ScenarioError(f"cannot be read ({exc.strerror})", file=str(path)) from exc
+        raise ScenarioError(f"cannot be read ({exc.strerror})", file=str(path),
+                            remedy="Give the file of hosts with --hosts; docs/hosts.md shows one") from exc
     except YAMLError as exc:
         raise ScenarioError(f"is not YAML: {str(exc).splitlines()[0]}", file=str(path)) from exc
     several = tuple(key for key in raw if isinstance(key, str) and _SEVERAL.fullmatch(key)) \

@@ -98,7 +98,7 @@ def check_target(out: Path, *, report: bool = False) -> None:
 
 def _check_folder(folder: Path, out: Path) -> None:
     if not folder.is_dir():
-        raise ResultsError(f"{out}: the folder {folder} does not exist")
+        raise ResultsError(f"{out}: the folder {folder} does not exist. Make it first, or choose another with --out")
     try:
         # Permissions alone do not tell: read-only file systems, and root, to whom everything seems permitted.
         with tempfile.TemporaryFile(dir=folder):

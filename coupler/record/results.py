@@ -129,12 +129,14 @@ class Results:
             _recover(journal, self.path)
         self.later: Path | None = journal if journal.exists() else None
         if not self.path.exists():
-            raise ResultsError(f"{self.path}: no such results file, and no journal of a run beside it")
+            raise ResultsError(f"{self.path}: no such results file, and no journal of a run beside it. "
+                               f"Check the path; `slideline run SCENARIO -o {self.path.name}` writes it")
         try:
             with h5py.File(self.path, "r") as f:
                 self._read(f)
         except (OSError, KeyError, ValueError, RuntimeError, TypeError, AttributeError) as exc:
-            raise ResultsError(f"{self.path}: not a readable results file ({reason_of(exc)})") from exc
+            raise ResultsError(f"{self.path}: not a readable results file ({reason_of(exc)}). Give a file that "
+                               "`slideline run` wrote, such as run.h5") from exc
 
     def _read(self, f: h5py.File) -> None:
         if f.attrs.get("format") != FORMAT or f.attrs.get("version") != FORMAT_VERSION:

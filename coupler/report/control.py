@@ -151,7 +151,7 @@ def errors_picture(results: Results) -> Picture | None:
         if known.any():
             ax.plot(t[known], e[quantity][known], ".", color=COLOURS[k], markersize=3,
                     label=quantity.replace("_", " "))
-    ax.axhline(1.0, color="#999999", linewidth=0.7, zorder=1, label="put back above")
+    ax.axhline(1.0, color="#999999", linewidth=0.7, zorder=1, label="rejected above")
     legend_below(figure, ax, columns=5)
     ax.yaxis.set_major_formatter(FuncFormatter(lambda value, _: number(value, 2)))
     ax.yaxis.set_minor_locator(NullLocator())

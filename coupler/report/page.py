@@ -90,7 +90,8 @@ def about(results: Results) -> str:
         if not line.startswith("#") or not words:
             break
         lines.append(words)
-    return " ".join(lines)
+    # A file is written with letters that every keyboard has.
+    return " ".join(lines).replace("degC", "°C").replace("W/m2", "W/m²")
 
 
 def effort(results: Results) -> str:
@@ -149,7 +150,8 @@ def _contact_sentence(results: Results) -> str:
         f"Bodies press on each other first at t = {number(first, 6)} s")
     told = f"{begins}; the highest contact pressure is {shown('Pa', p).text(p, 5)}, at t = {number(peak, 6)} s"
     slaves = {pair["name"]: str(pair["slave"]) for pair in results.header["pairs"]}
-    places = [place_of_peak(along, slaves[name]) for name, along in results.contact.items()
+    axisymmetric = str(results.header["geometry"]) == "axisymmetric"
+    places = [place_of_peak(along, slaves[name], axisymmetric) for name, along in results.contact.items()
               if np.isclose(largest(along)[0], p, rtol=1e-5)]
     return f"{told}, {places[0]}." if places else f"{told}."
 

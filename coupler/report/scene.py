@@ -156,7 +156,7 @@ def _told(scenario: Scenario, places: Sequence[Acting]) -> list[tuple[str, str, 
         out.extend((line, colour, bold) for line in wrap(text, COLUMN, subsequent_indent=indent))
 
     kind = "about an axis (x = r)" if interface.axisymmetric else "plane"
-    add(f"{kind}; lengths in m, temperatures in {scenario.temperature_unit}", indent="")
+    add(f"{kind}; lengths in m, temperatures in {scenario.temperature_unit.replace('degC', '°C')}", indent="")
     if scenario.units is not None:
         # fault: the picture hides the units of the file -> pass |
         #   coupler/test_scenario_file_units::test_check_and_show_tell_the_units
@@ -172,7 +172,7 @@ def _told(scenario: Scenario, places: Sequence[Acting]) -> list[tuple[str, str, 
         add("Contact (slave drawn whole, master dashed)", bold=True)
     for p in interface.pairs:
         add(f"{p.name}: {p.slave} on {p.master}" + (", tied" if p.tied else "")
-            + (f", mu {p.mu:g}" if p.mu else "") + f", looks {p.gap_max:.3g} m far", "#a01010")
+            + (f", mu {p.mu:g}" if p.mu else "") + f", gap_max {p.gap_max:.3g} m", "#a01010")
     if places:
         add("What acts, in SI; temperatures as in the file", bold=True)
     for k, place in enumerate(places, 1):

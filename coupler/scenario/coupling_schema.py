@@ -168,7 +168,7 @@ class CouplingSpec(Part):
     events: Annotated[Events, Entry("where windows end because of contact")] = Events()
     on_cycle: Annotated[OnCycle | None, Entry(
         "what follows when something goes up and down from window to window: it is only told; the windows "
-        "after it are iterated; the window is put back and halved",
+        "after it are iterated; the window is rejected and halved",
         default="`iterate`; `note` for `windows` of a stated scheme but `auto`")] = None
     on_unstable: Annotated[OnUnstable, Entry(
         "what follows where a look shows that windows make more of a disturbance that turns round, or ring "

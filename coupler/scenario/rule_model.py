@@ -176,7 +176,7 @@ def looked_at(test: Test) -> str:
 def _one(action: Action) -> str:
     match action:
         case Retry():
-            return f"window put back, x{action.window:g}"
+            return f"window rejected, x{action.window:g}"
         case Substeps():
             return f"{action.half}.substeps {_to(action.count)}"
         case Give():

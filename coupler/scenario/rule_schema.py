@@ -266,7 +266,7 @@ class RuleSpec(Part):
                 raise problem("a list stands under `any`, and only there", at=("when", name))
         kinds = [next(n for n in ActionSpec.model_fields if getattr(a, n) is not None) for a in self.do]
         if "retry" in kinds and ("stop" in kinds or self.drive is not None):
-            raise problem("a window that is put back can neither end the run nor move a load",
+            raise problem("a window that is rejected can neither end the run nor move a load",
                           "Make two rules of it.", at=("do",))
         if self.do and not self.when and not self.once and self.until is None:
             raise problem("a rule without `when` acts in every window", "Give `when`, or `once: true`.")

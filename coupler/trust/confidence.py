@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from coupler.trust.checks import Check, TrustVerdict, measured
+from coupler.trust.checks import Check, TrustVerdict, amount, measured
 
 Array = NDArray[np.float64]
 
@@ -67,8 +67,8 @@ def check(found: Mapping[str, ProbeConfidence]) -> Check:
     unlike = [f"{n} ({f.words})" for n, f in found.items() if not f.as_expected and f.share > NOTE_AT]
     number = worst.share
     lost = [f.share for f in found.values() if f.order < f.expected - LOST and f.share > NOTE_AT]
-    what = (f"{name} is off by about {100 * number:.3g} % of its range ({number * worst.range:.3g} {worst.unit}), by "
-            f"{worst.by}; {worst.words}")
+    what = (f"{name} is off by about {100 * number:.3g} % of its range ({amount(number * worst.range, worst.unit)}), "
+            f"by {worst.by}; {worst.words}")
     if unlike:
         what += f"; errors do not decrease with the order of the scheme: {', '.join(unlike)}"
     # Where errors do not fall with the window, what they are is not known.

@@ -30,7 +30,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from coupler.trust.checks import Check, TrustVerdict, measured
+from coupler.trust.checks import Check, TrustVerdict, amount, measured
 
 Array = NDArray[np.float64]
 
@@ -312,7 +312,8 @@ def check(log: ErrorLog, probes: Mapping[str, str], adaptive: bool) -> Check:
     worst = [f"{names[i]} {100 * shares[i]:.3g} %" for i in np.argsort(-shares)[1:4] if shares[i] > NOTE_AT]
     return measured(
         NAME, float(shares[k]), (NOTE_AT, LIMIT), t=log.t,
-        what=f"probe {names[k]} may be off by {100 * shares[k]:.3g} % of its range ({shares[k] * scale[k]:.3g} {unit})"
+        what=f"probe {names[k]} may be off by {100 * shares[k]:.3g} % of its range "
+             f"({amount(shares[k] * scale[k], unit)})"
              + (f"; {', '.join(worst)}" if worst else "")
              + f": the error of {log.looked} of {log.windows} windows, compared with two of half the size, carried on",
         remedy="A smaller coupling.adaptive.tolerance" if adaptive else

@@ -85,6 +85,10 @@ def test_run_report_and_their_files(tmp_path):
     (("run", BARS, "--swap", "mechanical=rubber"), 2, "rubber"),
     (("run", BARS, "-o", "no/such/folder/run.h5"), 3, "does not exist"),
     (("report", "nowhere.h5"), 3, "nowhere.h5"),
+    (("chek", "s.yaml"), 2, "Did you mean 'check'?"),
+    (("run", "heated_bars.yaml"), 2, "Did you mean the installed scenario 'heated_bars'?"),
+    (("run", BARS, "--until", "-5"), 2, "--until: no window ends at or before this time (got -5.0)"),
+    (("run", BARS, "--until", "nan"), 2, "--until: no window ends at or before this time (got nan)"),
 ])
 def test_wrong_input_is_one_error_and_a_code(tmp_path, arguments, code, text):
     done = slideline(tmp_path, *arguments)

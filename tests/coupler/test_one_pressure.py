@@ -126,3 +126,21 @@ def test_a_peak_at_a_corner_is_told_as_one() -> None:
     assert told([10e6, 10e6, 10e6, 10e6]) == told([10.05e6, 10e6, 10e6, 10e6]) == "on block.bottom at (0, 0.5) m"
     assert told([35e6, 20e6, 252e6, 34e6]) == "on block.bottom at (0.02, 0.5) m"
     assert told([252e6, 20e6, 34e6, 252e6], closed=True) == "on block.bottom at (0, 0.5) m"
+
+
+def test_a_peak_on_the_axis_is_no_corner() -> None:
+    """A round surface begins on the axis only in the mesh; a node that carries a peak alone is named."""
+    from coupler.record.results import Along
+    from coupler.report.pressure import place_of_peak
+
+    def told(p: list[float], round_body: bool = True) -> str:
+        x = np.array([[0.01 * k, 0.5] for k in range(4)])
+        t_N = -np.array([[0.0] * 4, p], dtype=np.float32)
+        along = Along(np.arange(4) * 0.01, x, t_N, np.zeros((2, 4), dtype=np.float32))
+        return place_of_peak(along, "block.bottom", round_body)
+
+    assert told([40e6, 35e6, 20e6, 0.0]) == "on block.bottom at (0, 0.5) m, on the axis"  # a ball on a floor
+    alone = told([290e3, 14e3, 0.0, 0.0])
+    assert alone.endswith("on the axis; the rest of the surface has at most 14 kPa then: one node carries the peak")
+    assert "the corner at its end" in told([290e3, 14e3, 0.0, 0.0], round_body=False)
+    assert "the corner at its end" in told([20e3, 14e3, 0.0, 290e3])

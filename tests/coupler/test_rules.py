@@ -135,7 +135,7 @@ def test_a_window_that_heats_too_much_is_put_back_and_halved():
     assert {w.solved.verdict for w in back} == {Verdict.RULE}
     assert max(sizes(tried)[:2]) < 0.2
     assert sizes(tried)[-2:] == [1.0, 1.0]
-    assert back[0].solved.message == "rule 'soft start': window put back, x0.5"
+    assert back[0].solved.message == "rule 'soft start': window rejected, x0.5"
     assert back[0].fired[0].values == {"thermal.max_dT": pytest.approx(10.0)}
     assert thermal.state[0] == pytest.approx(300.0 + 20.0 + 2.0), "heated once over each window"
 
@@ -147,7 +147,7 @@ def test_a_retry_stops_at_its_least():
 
 
 def test_a_rule_that_is_never_content_ends_the_run_in_its_own_words():
-    with pytest.raises(CouplingError, match=r"rule 'never': window put back, x0\.5; the window was halved 10 times"):
+    with pytest.raises(CouplingError, match=r"rule 'never': window rejected, x0\.5; the window was halved 10 times"):
         ruled([Rule("never", When(), (Retry(0.5),))], (heating(), still()), (2.0, 2))
 
 

@@ -209,3 +209,11 @@ def test_a_misspelt_key_hides_no_error_across_fields(case: str, tmp_path: Path) 
         load_text(tmp_path, text)
     assert [e.key for e in (caught.value, *caught.value.others)] == keys
     assert all(e.line > 0 for e in (caught.value, *caught.value.others))
+
+
+def test_a_pair_with_a_wrong_surface_is_told_once(tmp_path: Path) -> None:
+    """Where the half rigid names the pair it is not told to be missing: it stands in the file."""
+    text = (Path(__file__).resolve().parents[2] / "scenarios/heated_bars.yaml").read_text(encoding="utf-8")
+    with pytest.raises(ScenarioError) as told:
+        load_text(tmp_path, text.replace("slave: cold.bottom", "slave: cold.botom"))
+    assert (told.value.key, told.value.others) == ("contact.interface.slave", ())

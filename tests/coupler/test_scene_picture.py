@@ -52,7 +52,7 @@ def test_numbers_stand_outside_their_bodies_on_their_own_surfaces():
 
 def test_what_acts_is_told_in_the_words_of_the_file():
     told = words_of(scene_figure(load_scenario(BLOCKS)))
-    for words in ("upper.top: temperature 1000", "u_y stroke", "temperatures in degC", "looks 0.1 m far"):
+    for words in ("upper.top: temperature 1000", "u_y stroke", "temperatures in °C", "gap_max 0.1 m"):
         assert words in told
 
 

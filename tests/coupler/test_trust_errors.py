@@ -10,7 +10,7 @@ import pytest
 
 from coupler.record.observe import ProbeReader
 from coupler.trust import errors
-from coupler.trust.checks import TrustVerdict
+from coupler.trust.checks import TrustVerdict, amount
 from coupler.trust.errors import ErrorLog, Looked
 
 K = {"a": "K", "b": "K"}
@@ -188,6 +188,14 @@ def test_a_probe_that_hardly_moves_is_held_against_the_others():
     check = errors.check(log, K, False)
     assert check.number == pytest.approx(0.02)
     assert check.verdict == "holds"
+
+
+@pytest.mark.parametrize(("value", "unit", "text"), [
+    (1283.0, "Pa", "1.28 kPa"), (2.5e8, "Pa", "250 MPa"), (12.0, "Pa", "12 Pa"), (-4.1e6, "W/m2", "-4.1 MW/m2"),
+    (2.4e-5, "m", "0.024 mm"), (76.2, "m", "76.2 m"), (73.7, "K", "73.7 K"),
+])
+def test_amounts_are_told_with_the_prefix_of_their_size(value, unit, text):
+    assert amount(value, unit) == text
 
 
 @pytest.mark.parametrize(("error", "verdict"), [(4.0, "holds"), (20.0, "noted"), (40.0, "broken")])

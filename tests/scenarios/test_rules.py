@@ -70,13 +70,13 @@ def test_a_window_put_back_leaves_no_trace(tmp_path: Path) -> None:
     cut = ruled(tmp_path / "cut", SOFT)
     laid = ruled(tmp_path / "laid", **{"coupling.windows": [{"until": 1, "size": 0.5}, {"until": 16, "size": 1}]})
     assert list(cut.windows.verdict[:3]) == ["cut by a rule", "accepted", "accepted"]
-    assert cut.messages[0].startswith("rule 'soft start': window put back")
+    assert cut.messages[0].startswith("rule 'soft start': window rejected")
     np.testing.assert_array_equal(cut.t, laid.t)
     for probe in ("T", "gap"):
         np.testing.assert_array_equal(cut.probe(probe)[1], laid.probe(probe)[1])
     assert cut.heat_imbalance < 1e-12
     (firing,) = cut.firings
-    assert (firing.row, firing.t, firing.rule, firing.text) == (0, 0.0, "soft start", "window put back, x0.5")
+    assert (firing.row, firing.t, firing.rule, firing.text) == (0, 0.0, "soft start", "window rejected, x0.5")
     assert firing.values["thermal.max_dT"] > 3.0
 
 

@@ -174,7 +174,15 @@ class Picture {
     return found;
   }
 
-  /** Names stand on the cell of their body that is nearest to the middle of what is seen of it. */
+  /** Whether a point is inside the box around a cell. */
+  inBox(k, x, y, px, py) {
+    const nq = this.quads.length / 4;
+    const nodes = k < nq ? this.quads.subarray(4 * k, 4 * k + 4) : this.triangles.subarray(3 * (k - nq), 3 * (k - nq) + 3);
+    const within = (at, p) => Math.min(...Array.from(nodes, (n) => at[n])) <= p && p <= Math.max(...Array.from(nodes, (n) => at[n]));
+    return within(x, px) && within(y, py);
+  }
+
+  /** Names stand in the middle of what is seen of their body, or on its nearest cell where the middle is not in it. */
   drawNames(context, x, y) {
     const [cx, cy] = this.middles(x, y), { width, height } = this.canvas;
     context.font = `600 ${14 * this.ratio}px system-ui, sans-serif`;
@@ -191,12 +199,13 @@ class Picture {
       const far = (k) => Math.hypot(cx[k] - mx, cy[k] - my);
       const best = seen.reduce((a, k) => (far(k) < far(a) ? k : a));
       const half = context.measureText(name).width / 2 + 4 * this.ratio;
-      const px = Math.min(Math.max(cx[best], half), width - half);
+      const [nx, ny] = this.inBox(best, x, y, mx, my) ? [mx, my] : [cx[best], cy[best]];
+      const px = Math.min(Math.max(nx, half), width - half);
       context.lineWidth = 4 * this.ratio;
       context.strokeStyle = "rgba(0,0,0,0.65)";
-      context.strokeText(name, px, cy[best]);
+      context.strokeText(name, px, ny);
       context.fillStyle = "#fff";
-      context.fillText(name, px, cy[best]);
+      context.fillText(name, px, ny);
     });
   }
 }
