@@ -140,6 +140,8 @@ def emissivity_at(emissivity: Property, T: Floats) -> tuple[Floats, Floats]:
     """Return value [1] and derivative [1/K] by temperature at T : (n,) [K]."""
     raw = emissivity(T)
     eps = np.clip(raw, LEAST_EMISSIVITY, 1.0)
+    if emissivity.is_constant:
+        return eps, np.zeros(eps.shape)
     return eps, np.where(raw == eps, emissivity.slope(T), 0.0)
 
 

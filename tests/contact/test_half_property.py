@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.integrate import quad
 
-from contact.half.functions import property_from
+from contact.half.functions import SMALL, property_from
 
 TABLE = {"T": [300.0, 400.0, 700.0], "value": [10.0, 40.0, 25.0], "form": "cubic"}
 SPECS = [7.0, TABLE, {"T": [300.0, 500.0], "value": [1.0, 2.0]}, {"polynomial": [2.0, 0.01, 1e-5], "T_ref": 300.0}]
@@ -44,3 +44,19 @@ def test_a_table_is_straight_between_its_points_unless_it_is_said_to_be_cubic():
     assert under[1] / under[0] == pytest.approx(1.3267, abs=1e-4)
     assert property_from({"T": [300.0, 400.0], "value": [1.0, 2.0], "form": "cubic"})(T).tolist() == property_from(
         {"T": [300.0, 400.0], "value": [1.0, 2.0]})(T).tolist()
+
+
+@pytest.mark.parametrize("spec", [*SPECS[1:], TABLE | {"form": "linear"}],
+                         ids=["table", "line", "polynomial", "linear"])
+def test_a_few_temperatures_are_told_to_the_bit_what_many_are(spec):
+    """Few go through a loop of our own, many through scipy's: values, slopes and integrals, at a table's points too."""
+    p = property_from(spec)
+    T = np.concatenate([np.random.default_rng(0).uniform(200.0, 900.0, SMALL), [300.0, 400.0, 500.0, 700.0, np.nan]])
+    T.flags.writeable = False
+    start = np.full(T.shape, 350.0)
+    for many, few in ((p(T), [p(t) for t in np.split(T, [7, 50, 51])]),
+                      (p.slope(T), [p.slope(t) for t in np.split(T, [7, 50, 51])]),
+                      (p.increase(start, T), [p.increase(start[:1], t) for t in np.split(T, [7, 50, 51])])):
+        np.testing.assert_array_equal(np.concatenate(few), many)
+    assert p(np.array(450.0)).shape == ()
+    assert p(np.empty((0, 4))).shape == (0, 4)
