@@ -49,6 +49,7 @@ KEEP_DAYS = 30  # an FMU not used for so long is dropped from the cache
 CAP = 2_000_000_000  # bytes of the cache; beyond it those used longest ago go
 USED_LATELY = 86400.0  # s
 SIZE = "size.txt"  # beside a cached FMU: its bytes and those of what it unpacks to
+DIGEST = "half.sha256"  # beside a cached FMU: the checksum of the archive
 VERDICTS = "verdicts"  # the folder in the cache of what was found of halves (coupler.verify.verdicts)
 
 
@@ -152,15 +153,27 @@ def is_whole(fmu: Path) -> bool:
     A crash of the machine leaves files cut or empty: the FMU would otherwise be refused for ever.
     """
     try:
+        # What is as it was put there has not to be inflated: 5 ms instead of 18.
+        as_put = hashlib.sha256(fmu.read_bytes()).hexdigest() == _kept(fmu.parent, DIGEST)
         with zipfile.ZipFile(fmu) as archive:
             for info in archive.infolist():
-                data = archive.read(info)  # checks its checksum
+                # fault: an archive in the cache is not looked at -> if False: | coupler/test_cache
+                if not as_put:
+                    archive.read(info)  # checks its checksum
                 # fault: what is unpacked in the cache is not looked at -> if False: | coupler/test_cache
-                if not info.is_dir() and (fmu.with_suffix("") / info.filename).read_bytes() != data:
+                if not info.is_dir() and zlib.crc32((fmu.with_suffix("") / info.filename).read_bytes()) != info.CRC:
                     return False
             return bool(archive.infolist())
     except (OSError, ValueError, EOFError, NotImplementedError, zipfile.BadZipFile, zlib.error):
         return False
+
+
+def _kept(place: Path, name: str) -> str:
+    """A text that was put beside an FMU; "" where an older version put none, or a crash of the machine cut it."""
+    try:
+        return (place / name).read_text(encoding="ascii")
+    except (OSError, ValueError):
+        return ""
 
 
 def _set_aside(place: Path) -> None:
@@ -235,6 +248,7 @@ def _put(place: Path, make: Callable[[Path], object]) -> None:
         make(scratch / "half.fmu")
         unpack(scratch / "half.fmu", scratch / "half")
         (scratch / SIZE).write_text(str(_bytes_in(scratch)), encoding="ascii")
+        (scratch / DIGEST).write_text(hashlib.sha256((scratch / "half.fmu").read_bytes()).hexdigest(), encoding="ascii")
         try:
             os.replace(scratch, place)
         except OSError:
@@ -274,15 +288,13 @@ def cached_halves(cache: Path) -> list[tuple[Path, float, int]]:
 
 def _size_of(place: Path) -> int:
     """Bytes of a cached half, as it was put there: each build asks it of all, and a half is 200 files."""
-    try:
-        # fault: the files of all cached halves are counted at every build -> raise OSError | coupler/test_cache
-        return int((place / SIZE).read_text(encoding="ascii"))
-    except (OSError, ValueError):  # put there before sizes were kept, or cut by a crash of the machine
-        return _bytes_in(place)
+    size = _kept(place, SIZE)
+    # fault: the files of all cached halves are counted at every build -> return _bytes_in(place) | coupler/test_cache
+    return int(size) if size.isdecimal() else _bytes_in(place)
 
 
 def _bytes_in(place: Path) -> int:
-    return sum(f.stat().st_size for f in place.rglob("*") if f.is_file() and f.name != SIZE)
+    return sum(f.stat().st_size for f in place.rglob("*") if f.is_file() and f.name not in (SIZE, DIGEST))
 
 
 def drop_to(cache: Path, most: float, spare: float = 0.0) -> int:

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from coupler.fmu import launch
-from coupler.fmu.launch import SIZE, _cached, cached_halves, is_whole
+from coupler.fmu.launch import DIGEST, SIZE, _cached, cached_halves, is_whole
 
 
 class Builder:
@@ -54,10 +54,13 @@ def flip(file: Path, at: int) -> None:
     file.write_bytes(data)
 
 
+@pytest.mark.parametrize("kept", [True, False], ids=["", "no digest"])
 @pytest.mark.parametrize("damage", DAMAGES)
-def test_a_damaged_fmu_is_built_anew_once(place, damage):
+def test_a_damaged_fmu_is_built_anew_once(place, damage, kept):
     builder = Builder()
     fmu = _cached(place, builder)
+    if not kept:
+        (place / DIGEST).unlink()  # as of older versions
     assert is_whole(fmu)
     (place / "half" / "blocks.json").write_text("{}")  # what is beside belongs to no archive
     assert _cached(place, builder) == fmu
@@ -75,7 +78,7 @@ def test_sizes_are_known_without_a_look_at_the_files(tmp_path, monkeypatch):
     """2.5 ms a half, at every build: a cache of 800 halves, its cap, made each build take 2 s longer."""
     for k in range(3):
         _cached(tmp_path / f"toy-{k:032}", Builder())
-    counted = [sum(f.stat().st_size for f in place.rglob("*") if f.is_file() and f.name != SIZE)
+    counted = [sum(f.stat().st_size for f in place.rglob("*") if f.is_file() and f.name not in (SIZE, DIGEST))
                for place, _, _ in cached_halves(tmp_path)]
     walks = []
     bytes_in = launch._bytes_in
