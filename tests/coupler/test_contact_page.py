@@ -54,7 +54,7 @@ def test_every_key_of_contact_is_in_a_block() -> None:
 def test_every_block_is_named_and_every_picture_is_there() -> None:
     assert TEXT.count("```yaml") == len(SCENES)
     pictures = re.findall(r"\]\((images/[^)]*)\)", TEXT)
-    assert len(pictures) == len(set(pictures)) == 7
+    assert len(pictures) == len(set(pictures)) == 8
     for picture in pictures:
         assert (PAGE.parent / picture).is_file(), picture
 
