@@ -65,7 +65,7 @@ from coupler.scenario.timing import SAME_TIME, Frames
 from coupler.schemes.accounts import HEATS
 from coupler.schemes.ledger import Ledger
 from coupler.schemes.mapped import joined
-from coupler.schemes.state import ACROSS, OFF_MESH, SHAPE_OFF, CoupledState
+from coupler.schemes.state import CoupledState
 from coupler.trust.equilibrium import OUTPUT as STABLE
 from coupler.trust.heat_mesh import heat_mesh_outputs
 from coupler.trust.mesh import mesh_outputs
@@ -278,12 +278,11 @@ class Run:
                 notes = (*notes, *self._warnings.after(self.state.now, tried.solved.state.now),
                          *self._damping.after(self.state.now.t, tried.solved.monitors))
                 self._trust = self._trust_watch.after(
-                    self._trust, (self.state.now, tried.solved.state.now), Ledger().after(tried.solved.terms).terms,
+                    self._trust, (self.state.now, tried.solved.state.now),
+                    Ledger().after(tried.solved.terms).everything,
                     fresh=self.state.now.t in kinks, forced=tried.solved.anyway, looked=tried.looked,
                     inputs=tried.before.settings.inputs.get("thermal", {}),
-                    off_mesh=tried.solved.monitors.get(f"thermal.{OFF_MESH}"),
-                    off_across=tried.solved.monitors.get(f"thermal.{ACROSS}"),
-                    shape_off=tried.solved.monitors.get(f"mechanical.{SHAPE_OFF}"))
+                    monitors=tried.solved.monitors)
                 self.ledger = self.ledger.after(tried.solved.terms)
             elif tried.mended is not None:
                 self._trust = self._trust_watch.mended(self._trust, tried.mended, tried.t + tried.H, tried.H)

@@ -173,6 +173,7 @@ ACROSS = "across.T_off"  # of a thermal half with one temperature across: how fa
 OFF_MESH = "mesh.T_off"  # of a thermal half on a mesh of its own: what the scene's does not hold of T [K]
 ELASTIC_STRAIN = "elastic_strain"  # of a mechanical half whose bodies remember, (n_cells, 4)
 T_MISSED = "mesh.T_missed."  # of a body, of a thermal half: what its cells are too large for [K]
+RESIDUAL = "residual"  # of either half: what its equations leave, as a share of the heat, or of the forces [1]
 SHAPE_OFF = "mesh.x_off"  # of a mechanical half on a mesh of its own: what the scene's does not hold of x [m]
 
 
@@ -182,10 +183,10 @@ def wanted_outputs(thermal: Half, mechanical: Half, monitors: Collection[str] = 
     monitors : what else is looked at, `thermal.max_dT` or `mechanical.max_strain_increment`; scalars only.
     """
     t = [n for n, b in thermal.blocks.items() if b.causality == "output" and b.kind == "Real"
-         and (n.startswith(PREFIX) or n in ("T", "f_s", "iterations", "contact.touching", *NO_TERMS)
+         and (n.startswith(PREFIX) or n in ("T", "f_s", "iterations", RESIDUAL, "contact.touching", *NO_TERMS)
               or n in (OFF_MESH, ACROSS) or f"thermal.{n}" in monitors)]
     more = [n.removeprefix("mechanical.") for n in sorted(monitors) if n.startswith("mechanical.")]
-    wanted = ("x", "contact.t_N", "contact.gap", "contact.covered", *HEATS, "iterations", "contact.touching",
+    wanted = ("x", "contact.t_N", "contact.gap", "contact.covered", *HEATS, "iterations", RESIDUAL, "contact.touching",
               DAMPED, SHAPE_OFF, ELASTIC_STRAIN)
     has = {n for n, b in mechanical.blocks.items() if b.causality == "output"}
     m = [n for n in dict.fromkeys((*wanted, *more)) if n in has]

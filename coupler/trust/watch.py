@@ -11,8 +11,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from contact.half.interface import Interface
-from coupler.schemes.ledger import imbalance
+from coupler.schemes.ledger import NO_TERMS, imbalance
 from coupler.schemes.levels import Level
+from coupler.schemes.state import ACROSS, OFF_MESH, SHAPE_OFF
 from coupler.trust import (
     across,
     carried,
@@ -24,6 +25,7 @@ from coupler.trust import (
     passing,
     penetration,
     rhythm,
+    solved,
     stability,
     stored,
     tables,
@@ -36,7 +38,7 @@ Array = NDArray[np.float64]
 
 BALANCE = (1e-9, 1e-6)  # of the heat moved: noted, broken
 
-NO_INPUTS: Mapping[str, float] = MappingProxyType({})
+NOTHING: Mapping[str, float] = MappingProxyType({})
 
 
 @dataclass(frozen=True)
@@ -62,6 +64,7 @@ class TrustLog:
     mesh: mesh.MeshLog = field(default_factory=mesh.MeshLog)
     heat_mesh: heat_mesh.HeatMeshLog = field(default_factory=heat_mesh.HeatMeshLog)
     stored: stored.StoredLog = field(default_factory=stored.StoredLog)
+    solved: solved.SolvedLog = field(default_factory=solved.SolvedLog)
     windows: int = 0
     forced: int = 0
     forced_t: float = 0.0
@@ -108,23 +111,23 @@ class TrustWatch:
         return log if values is None else replace(log, errors=errors.begun(values, now.t))
 
     def after(self, log: TrustLog, levels: tuple[Level, Level], terms: Mapping[str, float], *, fresh: bool,
-              forced: bool, looked: Looked | None = None, inputs: Mapping[str, float] = NO_INPUTS,
-              off_mesh: float | None = None, shape_off: float | None = None,
-              off_across: float | None = None) -> TrustLog:
+              forced: bool, looked: Looked | None = None, inputs: Mapping[str, float] = NOTHING,
+              monitors: Mapping[str, float] = NOTHING) -> TrustLog:
         """Return the log after a window that was taken.
 
-        levels : at its start and its end.  terms : its heat, mechanism -> [J].  fresh : it begins at a kink of the
-        data.  forced : it was taken though it did not converge, or its error is too large.  looked : what was seen of
-        the probes; None: they are not followed.  inputs : of the thermal half in this window, besides what is
-        exchanged.  off_mesh [K], shape_off [m]: what of temperatures and positions the scene's mesh does not hold,
-        where the half that makes them has a mesh of its own.
-        off_across [K]: how far surfaces differ from the one temperature behind them, where a half has but one.
+        levels : at its start and its end.  terms : its heat, and what nodes took up (Ledger.everything) [J].
+        fresh : it begins at a kink of the data.  forced : it was taken though it did not converge, or its error is too
+        large.  looked : what was seen of the probes; None: they are not followed.  inputs : of the thermal half in
+        this window, besides what is
+        exchanged.  monitors : what the halves tell of it, `thermal.NAME` and `mechanical.NAME`.
         """
         before, now = levels
         if looked is not None:
             log = replace(log, errors=errors.watched(log.errors, looked, now.t, fresh=fresh),
                           stability=stability.watched(log.stability, looked, now.t, now.t - before.t))
-        warmth = temperatures.watched(log.temperatures, self._data, levels, terms, inputs)
+        heats = {name: heat for name, heat in terms.items() if name not in NO_TERMS}
+        warmth = temperatures.watched(log.temperatures, self._data, levels, heats, inputs)
+        shape_off = monitors.get(f"mechanical.{SHAPE_OFF}")
         return replace(
             log, windows=log.windows + 1, forced=log.forced + forced, forced_t=now.t if forced else log.forced_t,
             temperatures=warmth,
@@ -132,10 +135,11 @@ class TrustWatch:
             passing=self._sides.watched(log.passing, before, now),
             penetration=self._yields.watched(log.penetration, now),
             facets=self._facets.watched(log.facets, now),
-            carried=carried.watched(log.carried, off_mesh, now.t),
+            carried=carried.watched(log.carried, monitors.get(f"thermal.{OFF_MESH}"), now.t),
             shapes=carried.watched(log.shapes, shape_off, now.t, 0.0 if shape_off is None else self._deformed(now)),
-            across=across.watched(log.across, off_across, now.t),
-            tables=self._tables.watched(log.tables, now), stored=self._stored.watched(log.stored, now, terms))
+            across=across.watched(log.across, monitors.get(f"thermal.{ACROSS}"), now.t),
+            solved=solved.watched(log.solved, monitors, terms, now.t),
+            tables=self._tables.watched(log.tables, now), stored=self._stored.watched(log.stored, now, heats))
 
     def wants_equilibrium(self, log: TrustLog, t: float, end: float, at_end: bool = False) -> bool:
         """Whether to ask the mechanical half for `equilibrium.OUTPUT` at t [s] of a run to `end` [s]."""
@@ -187,6 +191,7 @@ class TrustWatch:
                      what=f"a fraction of {off:.2g} of the heat moved is not accounted for",
                      remedy="Use a smaller thermal.tolerance"),
             *self._stored.checks(log.stored, log.temperatures.span),
+            *solved.checks(log.solved),
             measured("windows solved to their tolerance", log.forced, (0, 0), unit="windows", t=log.forced_t,
                      what=f"{log.forced} of {log.windows} windows were accepted although they did not converge or "
                           f"their error was too large, the last at t = {log.forced_t:.6g} s",
