@@ -19,7 +19,7 @@ from thermal_fmu.linear import AnchorMatrix, Factors, solve
 from thermal_fmu.methods import Stage
 from thermal_fmu.phase_change import temperature
 from thermal_fmu.scene import SubstepData, ThermalScene
-from thermal_fmu.settled import STAGE_TOLERANCE, STALLED, is_solved
+from thermal_fmu.settled import STAGE_TOLERANCE, STALLED, is_solved, left_over
 from thermal_fmu.sources import ThermalLoads
 from thermal_fmu.surface_terms import at_nodes
 
@@ -222,7 +222,8 @@ class Linearisation:
 class SolvedStage:
     """A stage that was solved.
 
-    s : (n,) [K].  iterations : linear solves.  residual : norm over scale [1].  anchor : of the next solve.
+    s : (n,) [K].  iterations : linear solves.  residual : norm beyond round-off over scale [1].
+    anchor : of the next solve.
     linear : its last matrix.  runs : of a program that solves for the inside of bodies.
     """
 
@@ -311,7 +312,7 @@ def newton(problem: StageProblem, s: Floats, tolerance: float, factors: Factors,
     last: StageBalance | None = None
     for iteration in range(MAX_ITERATIONS):
         if is_solved(now, last, tolerance, floor):
-            return SolvedStage(s, now, iteration, now.relative_residual, anchor, linear)
+            return SolvedStage(s, now, iteration, left_over(now, floor), anchor, linear)
         last = now
         if now.jacobian is None:
             now = balance(problem, s, jacobian=True)

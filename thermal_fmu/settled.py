@@ -49,3 +49,13 @@ def is_solved(now: HeatBalance, before: HeatBalance | None, tolerance: float, fl
     # fault: whatever lies below the bound of round-off is taken -> stalled = True | thermal_fmu/test_thermal_ledger
     stalled = now.norm > STALLED * before.norm
     return now.norm <= (floor if stalled else min(floor, tolerance * now.scale))
+
+
+def left_over(now: HeatBalance, floor: float) -> float:
+    """Return the heat that is missing beyond round-off, as a share of the heat that flows [1].
+
+    floor : a bound of the round-off in norm [J].
+    """
+    # fault: round-off where hardly any heat flows is told as heat that is missing -> floor = 0.0 |
+    #   thermal_fmu/test_thermal_newton::test_round_off_is_no_heat_that_is_missing
+    return max(now.norm - floor, 0.0) / now.scale if now.scale > 0.0 else 0.0

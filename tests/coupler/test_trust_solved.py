@@ -2,9 +2,17 @@
 
 from __future__ import annotations
 
+import json
+import sys
+from pathlib import Path
+
 import pytest
 
+sys.path.insert(0, str(Path(__file__).parent))
+from fresh_scenes import column
+
 from coupler import load_scenario, run
+from coupler.scenario.load import scenario_from
 from coupler.trust import solved
 from coupler.trust.checks import TrustVerdict
 
@@ -73,6 +81,14 @@ def test_heat_that_was_not_solved_for(tmp_path):
     assert abs(found[1e-3][0] - found[1e-10][0]) < 1e-3
     assert abs(found[0.5][0] - found[1e-10][0]) > 0.1
     assert "thermal.tolerance" in found[0.5][1].sentence
+
+
+def test_a_step_without_heat_has_round_off_alone(tmp_path):
+    """The adiabatic split puts on the entropy part at once: at rest, and 36 000 K, that leaves half of nothing."""
+    scenario = scenario_from(json.dumps(column(0.05, 0.2, "adiabatic")), tmp_path / "column.yaml", {})
+    check = check_of(run(scenario, tmp_path / "run.h5").trust)
+    assert check.verdict == "holds"
+    assert check.number < 1e-7
 
 
 def test_heat_counts_with_what_was_moved_and_forces_with_their_worst_window():

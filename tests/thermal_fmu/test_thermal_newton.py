@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import sys
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -15,6 +16,7 @@ from thermal_scenes import EXPECTED, Box, FlatContact, inputs_of, run, scene, sp
 from contact.half.model import Discard, Done
 from thermal_fmu import newton as newton_module
 from thermal_fmu.half import load
+from thermal_fmu.settled import left_over
 
 
 def residuals_of(monkeypatch, mesh, model, dt):
@@ -116,3 +118,11 @@ def test_the_phase_continuation_is_used_and_counted(monkeypatch):
     answer = half.step(state, inputs_of(mesh, half), 0.0, 100.0, FlatContact())
     assert isinstance(answer, Discard)
     assert answer.dt_suggest == 50.0
+
+
+def test_round_off_is_no_heat_that_is_missing():
+    """A step in which hardly any heat flows leaves the round-off of what the bodies hold, which may be all of it."""
+    at_rest = SimpleNamespace(norm=5e-13, missing=5e-13, scale=1e-12)
+    assert left_over(at_rest, floor=1e-12) == 0.0
+    assert left_over(at_rest, floor=1e-13) == pytest.approx(0.4)
+    assert left_over(SimpleNamespace(norm=0.0, missing=0.0, scale=0.0), floor=0.0) == 0.0

@@ -33,7 +33,7 @@ from thermal_fmu.newton import (
 from thermal_fmu.phase_change import Melting, NodalFields, temperature
 from thermal_fmu.problem import ThermalBody
 from thermal_fmu.scene import SubstepData, prescribed_values
-from thermal_fmu.settled import STAGE_TOLERANCE, is_solved
+from thermal_fmu.settled import STAGE_TOLERANCE, is_solved, left_over
 from thermal_fmu.sources import Calendar, LoadFactors, ThermalLoads, loads_at
 from thermal_fmu.stations.scene import StationScene
 from thermal_fmu.stations.stations import (
@@ -243,11 +243,15 @@ LINE_SEARCH = NewtonLimits(MAX_ITERATIONS, True)
 
 @dataclass(frozen=True)
 class SolvedStations:
-    """A stage that was solved.  s : (n,) [K], its balance, the number of linear solves."""
+    """A stage that was solved.
+
+    s : (n,) [K], its balance, the number of linear solves.  residual : norm beyond round-off over scale [1].
+    """
 
     s: Floats
     balance: StationBalance
     iterations: int
+    residual: float
 
 
 def solve_stations(problem: StationProblem, s: Floats, tolerance: float) -> SolvedStations:
@@ -287,7 +291,7 @@ def _newton(problem: StationProblem, s: Floats, tolerance: float, limits: Newton
     last: StationBalance | None = None
     for iteration in range(limits.iterations):
         if is_solved(now, last, tolerance, floor):
-            return SolvedStations(s, now, iteration)
+            return SolvedStations(s, now, iteration, left_over(now, floor))
         last = now
         step = scene.stations.solve(now.band, np.where(scene.fixed, 0.0, -now.R))
         if not np.isfinite(step).all():
@@ -396,7 +400,7 @@ def entropy_stations(context: StationContext, E: Floats, s: Floats, t: float) ->
     heat = Heat(context.scene.counted(solved.balance.stored), inflow_outflow(held_back[own]), terms, each,
                 solved.balance.moved)
     return StationStep(solved.s, heat, solved.iterations,
-                       solved.balance.relative_residual)
+                       solved.residual)
 
 
 def _take(context: StationContext, method: TimeMethod, s_n: Floats, t: float, dt: float) -> StationStep:
@@ -415,7 +419,7 @@ def _take(context: StationContext, method: TimeMethod, s_n: Floats, t: float, dt
         solved.append(solve_stations(problem, guess, model.stated.tolerance))
     over = method.damped is not None and _overshoots(context, method.stages[-1], s_n, solved[-1], dt)
     return StationStep(solved[-1].s, _heat(context.scene, method, solved, dt), sum(s.iterations for s in solved),
-                       max(s.balance.relative_residual for s in solved), over,
+                       max(s.residual for s in solved), over,
                        solved_at(method, [one.s for one in solved], t, dt))
 
 
