@@ -145,7 +145,8 @@ class Run:
             units = {n: a["unit"] for n, a in self._probes.about.items()}
             self._trust_watch = TrustWatch(interface, self.scenario.models, units, self.plan.adaptive is not None,
                                            self.scenario.own_meshes,
-                                           () if self.scenario.stated is None else self.scenario.stated.thermal.ignore)
+                                           () if self.scenario.stated is None else self.scenario.stated.thermal.ignore,
+                                           self.scenario.coupling.substeps["mechanical"])
             watched = self._probes.measurable if units else self._trust_watch.means
             self.plan = replace(self.plan, probed=self._probes.named, watched=watched,
                                 mechanical=self._probes.mechanical)

@@ -22,6 +22,7 @@ from coupler.trust import (
     facets,
     heat_mesh,
     mesh,
+    motion,
     passing,
     penetration,
     rhythm,
@@ -65,6 +66,7 @@ class TrustLog:
     heat_mesh: heat_mesh.HeatMeshLog = field(default_factory=heat_mesh.HeatMeshLog)
     stored: stored.StoredLog = field(default_factory=stored.StoredLog)
     solved: solved.SolvedLog = field(default_factory=solved.SolvedLog)
+    motion: motion.MotionLog = field(default_factory=motion.MotionLog)
     windows: int = 0
     forced: int = 0
     forced_t: float = 0.0
@@ -75,10 +77,11 @@ class TrustWatch:
 
     def __init__(self, interface: Interface, models: Mapping[str, Mapping[str, Any]],
                  probes: Mapping[str, str] | None = None, adaptive: bool = False,
-                 own_meshes: Collection[str] = (), ignored: Collection[str] = ()) -> None:
+                 own_meshes: Collection[str] = (), ignored: Collection[str] = (), substeps: int = 1) -> None:
         """models : of the halves (model.json).  probes : name -> unit; none: mean temperatures of bodies stand for
         them (`means`).  adaptive : whether windows find their own size.  own_meshes : the roles of halves on one.
-        ignored : paths of the scene that the thermal half may leave out.
+        ignored : paths of the scene that the thermal half may leave out.  substeps : of the mechanical half in a
+        window.
         """
         self._own_meshes = frozenset(own_meshes)
         self._interface = interface
@@ -95,6 +98,7 @@ class TrustWatch:
         self._tables = tables.MaterialTables(interface, models)
         self._stored = stored.StoredHeat(interface, models["thermal"], "thermal" in self._own_meshes,
                                          ignored)
+        self._motion = motion.Motion(models["mechanical"], interface, substeps)
         self._prescribed = models["mechanical"].get("half") == "rigid"
         self._inside = np.flatnonzero(interface.node_body >= 0)
         self._of = interface.node_body[self._inside]
@@ -139,6 +143,8 @@ class TrustWatch:
             shapes=carried.watched(log.shapes, shape_off, now.t, 0.0 if shape_off is None else self._deformed(now)),
             across=across.watched(log.across, monitors.get(f"thermal.{ACROSS}"), now.t),
             solved=solved.watched(log.solved, monitors, terms, now.t),
+            motion=log.motion if not self._motion.has_inertia else self._motion.watched(
+                log.motion, (self._moved(before), self._moved(now)), now.t - before.t, fresh),
             tables=self._tables.watched(log.tables, now), stored=self._stored.watched(log.stored, now, heats))
 
     def wants_equilibrium(self, log: TrustLog, t: float, end: float, at_end: bool = False) -> bool:
@@ -187,6 +193,7 @@ class TrustWatch:
             penetration.check(log.penetration, self._yields, self._prescribed),
             *(() if self._prescribed else facets.checks(log.facets, self._facets)),
             *equilibrium.checks(log.equilibrium),
+            *self._motion.checks(log.motion),
             measured("heat balance", off, BALANCE,
                      what=f"a fraction of {off:.2g} of the heat moved is not accounted for",
                      remedy="Use a smaller thermal.tolerance"),
@@ -197,11 +204,16 @@ class TrustWatch:
                           f"their error was too large, the last at t = {log.forced_t:.6g} s",
                      remedy="Smaller windows; a smaller coupling.adaptive.least; iteration.on_max: retry_smaller"))
 
+    def _moved(self, now: Level) -> Array:
+        """The mean displacement of each body, (n_bodies, 2) [m]."""
+        u = now.x[self._inside] - self._interface.nodes[self._inside]
+        sums = np.stack([np.bincount(self._of, weights=c, minlength=len(self._counts)) for c in u.T], axis=1)
+        return np.asarray(sums / self._counts[:, None])
+
     def _deformed(self, now: Level) -> float:
         """The largest displacement [m] of a node beside the mean of its body."""
         u = now.x[self._inside] - self._interface.nodes[self._inside]
-        mean = np.stack([np.bincount(self._of, weights=c, minlength=len(self._counts)) for c in u.T], axis=1)
-        return float(np.linalg.norm(u - (mean / self._counts[:, None])[self._of], axis=1).max(initial=0.0))
+        return float(np.linalg.norm(u - self._moved(now)[self._of], axis=1).max(initial=0.0))
 
     def _place(self, node: int, end: int | None = None) -> str:
         """A node in words, or the middle between it and another."""
