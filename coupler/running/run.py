@@ -66,6 +66,7 @@ from coupler.schemes.accounts import HEATS
 from coupler.schemes.ledger import Ledger
 from coupler.schemes.mapped import joined
 from coupler.schemes.state import CoupledState
+from coupler.trust.checks import Check
 from coupler.trust.equilibrium import OUTPUT as STABLE
 from coupler.trust.heat_mesh import heat_mesh_outputs
 from coupler.trust.mesh import mesh_outputs
@@ -522,14 +523,18 @@ class Run:
             self.noticed.append(f"no other run can start from the displacements of this one: {exc}")
             return {}
 
+    def _judged(self) -> tuple[Check, ...]:
+        """Return the trust table of what both halves and the exchange did."""
+        delivered = {block: account.delivered for block, account in self.state.accounts.items()}
+        return self._trust_watch.judged(self._trust, self.ledger.everything, delivered)
+
     def _totals(self) -> dict[str, Any]:
         heats = {HEATS[n].replace(" ", "_"): {"made": a.made, "delivered": a.delivered, "carried": float(a.carry.sum())}
                  for n, a in self.state.accounts.items()}
         return {"seconds": self._seconds(), "setup_seconds": self.setup_seconds, "resumed_at": list(self._resumed),
                 "made": {n: a.made for n, a in self.state.accounts.items()}, "restarts": list(self._restarts),
                 "notes": [*self._warnings.at_end(self.state.now), *self.noticed],
-                "trust": [c.as_dict() for c in (*self._trust_watch.judged(self._trust, self.ledger.everything),
-                                                *trust_rows(self._verdicts))],
+                "trust": [c.as_dict() for c in (*self._judged(), *trust_rows(self._verdicts))],
                 "probe_errors": self._trust_watch.probe_errors(self._trust),
                 "looks": {"windows": self._trust.errors.looked, "solves": self._trust.errors.solves},
                 # fault: what contact was asked is not in the totals -> "contact": {}, **heats} |

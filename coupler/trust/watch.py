@@ -17,6 +17,7 @@ from coupler.schemes.state import ACROSS, OFF_MESH, SHAPE_OFF
 from coupler.trust import (
     across,
     carried,
+    delivered,
     equilibrium,
     errors,
     facets,
@@ -173,8 +174,12 @@ class TrustWatch:
         """Return probe -> estimated error, range and unit, SI, as plain values; empty: no window was looked at."""
         return {n: asdict(row) for n, row in errors.table(log.errors, self._probes).items()}
 
-    def judged(self, log: TrustLog, totals: Mapping[str, float]) -> tuple[Check, ...]:
-        """Return the table.  totals : all of the ledger over the run [J]."""
+    def judged(self, log: TrustLog, totals: Mapping[str, float],
+               handed: Mapping[str, float] = NOTHING) -> tuple[Check, ...]:
+        """Return the table.
+
+        totals : all of the ledger over the run [J].  handed : heat delivered to the thermal half, block -> [J].
+        """
         off = imbalance(totals)
         return (
             errors.check(log.errors, self._probes, self._adaptive),
@@ -198,6 +203,7 @@ class TrustWatch:
                      what=f"a fraction of {off:.2g} of the heat moved is not accounted for",
                      remedy="Use a smaller thermal.tolerance"),
             *self._stored.checks(log.stored, log.temperatures.span),
+            *delivered.checks(handed, totals),
             *solved.checks(log.solved),
             measured("windows solved to their tolerance", log.forced, (0, 0), unit="windows", t=log.forced_t,
                      what=f"{log.forced} of {log.windows} windows were accepted although they did not converge or "
