@@ -58,7 +58,9 @@ def test_a_name_that_list_tells_is_a_scenario(tmp_path):
     assert done.stdout == slideline(tmp_path, "check", BARS).stdout
     done = slideline(tmp_path, "check", "heated_barz")
     assert (done.returncode, "no such file" in done.stderr) == (2, True)
-    assert "slideline list" in done.stderr
+    assert "'heated_bars'" in done.stderr
+    done = slideline(tmp_path, "check", "quay")
+    assert (done.returncode, "slideline list" in done.stderr) == (2, True)
 
 
 def test_check_tells_what_is_odd_though_no_error(tmp_path):

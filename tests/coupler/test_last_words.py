@@ -13,7 +13,7 @@ from coupler.cli.cli import app
 from coupler.errors import HalfError
 from coupler.record import checkpoint as keeper_module
 from coupler.record.journal import being_written
-from coupler.running import run as run_module
+from coupler.running import resume as resume_module
 from coupler.running.resume import resume, resumed
 from coupler.running.run import Run
 
@@ -80,6 +80,6 @@ def test_a_resume_of_a_run_that_ends_meanwhile_looks_again(tmp_path, monkeypatch
         looks.append(journal)
         return being_written(journal)
 
-    monkeypatch.setattr(run_module, "being_written", ends)
+    monkeypatch.setattr(resume_module, "being_written", ends)
     assert resume(out).outcome == "completed"
     assert len(looks) == 2
