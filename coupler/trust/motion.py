@@ -1,7 +1,7 @@
 """Whether windows resolve the motion of bodies with inertia: how much their acceleration changes from window to window.
 
-A step that is long beside an oscillation neither loses nor gains energy, so nothing fails: the body hops, its pressure
-at the ends of windows is 0 or many times what it carries, and with friction so is the heat that follows from it.
+A step that is long beside an oscillation does not fail: the body hops, its pressure at the ends of windows is 0 or many
+times what it carries, and the friction heat that follows from it is wrong.
 """
 
 from __future__ import annotations
