@@ -3,12 +3,16 @@
 numba keeps a compiled function beside its source file and looks at the age of THAT file alone: a change in a file it
 calls into, or takes a constant from, would go unnoticed, and old machine code answer for new source.  Here the stamp of
 a function is a hash of its file and of every file beside its package that this one imports, directly or not.
+
+Several processes that need the same function at once (halves, studies, tests) compile it once: the others wait for it.
 """
 
 from __future__ import annotations
 
+import contextlib
 import re
-from collections.abc import Callable, Sequence
+import time
+from collections.abc import Callable, Iterator, Sequence
 from functools import cache, partial
 from hashlib import sha256
 from pathlib import Path
@@ -16,6 +20,7 @@ from typing import Any, TypeVar, cast
 
 F = TypeVar("F", bound=Callable[..., Any])
 
+WAIT = 60.0  # s for a function that another process compiles; one that was stopped meanwhile is not waited for longer
 IMPORT = re.compile(rb"^[ \t]*(?:from|import)[ \t]+([\w.]+)", re.MULTILINE)
 
 
@@ -86,7 +91,53 @@ def _cached(function: F, **options: Any) -> F:
     files = dispatcher._cache._cache_file
     files._source_stamp = stamp(path, path.parents[function.__module__.count(".")])
     files._load_index = partial(_index_or_none, files._load_index)
+    dispatcher.compile = partial(_compile_alone, dispatcher.compile, Path(files._index_path + ".lock"))
     return cast(F, dispatcher)
+
+
+def _compile_alone(compile_: Callable[[Any], Any], lock: Path, signature: Any) -> Any:
+    """Load a function from the cache, or compile it, while no other process does.
+
+    Two at once would do the same work, and each might write its code under the name the other has put in the index.
+    """
+    from numba.core.compiler_lock import global_compiler_lock
+
+    # The lock of threads first: one of them that waits for a file may not hold up the one that has it.
+    # fault: processes that need one function at once all compile it -> with global_compiler_lock: |
+    #   contact/test_compiled
+    with global_compiler_lock, _locked(lock):
+        return compile_(signature)
+
+
+@contextlib.contextmanager
+def _locked(path: Path) -> Iterator[None]:
+    """Hold a lock file; after WAIT, in a folder that cannot be written, and on Windows go on without."""
+    try:
+        import fcntl
+    except ImportError:
+        yield
+        return
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        file = path.open("w")
+    except OSError:  # numba keeps nothing there either
+        yield
+        return
+    with file:
+        end = time.monotonic() + WAIT
+        while True:
+            try:
+                fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+                break
+            except OSError:
+                if time.monotonic() > end:
+                    break
+                time.sleep(0.01)
+        try:
+            yield
+        finally:
+            # By name, not by closing: a process forked meanwhile has the file, too.
+            fcntl.flock(file, fcntl.LOCK_UN)
 
 
 def _index_or_none(load: Callable[[], dict[Any, str]]) -> dict[Any, str]:

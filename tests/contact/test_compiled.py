@@ -62,6 +62,23 @@ def test_a_class_of_an_argument_may_be_renamed(tmp_path):
         assert done.stdout.split() == ["6.0"], done.stderr
 
 
+def test_processes_that_need_a_function_at_once_compile_it_once(tmp_path):
+    (tmp_path / "p").mkdir()
+    (tmp_path / "p/use.py").write_text(
+        "import numpy as np\nfrom contact.compiled import kernel\n\n\n@kernel\ndef total(x):\n"
+        "    return np.sort(x)[1:].sum()\n\n\nprint('ready', flush=True)\ninput()\n"
+        "print(total(np.array([3.0, 1.0, 2.0])), sum(total.stats.cache_misses.values()))\n", encoding="utf-8")
+    env = {**os.environ, "PYTHONPATH": f"{tmp_path}{os.pathsep}{ROOT}", "NUMBA_CACHE_DIR": str(tmp_path / "numba")}
+    three = [subprocess.Popen([sys.executable, "-c", "import p.use"], env=env, cwd=tmp_path, stdin=subprocess.PIPE,
+                              stdout=subprocess.PIPE, text=True) for _ in range(3)]
+    assert [process.stdout.readline() for process in three] == ["ready\n"] * 3
+    for process in three:
+        process.stdin.write("\n")
+        process.stdin.flush()
+    said = [process.communicate()[0].split() for process in three]
+    assert sorted(said) == [["5.0", "0"], ["5.0", "0"], ["5.0", "1"]]
+
+
 @inner
 def doubled(x, y):
     return 2.0 * x + y
