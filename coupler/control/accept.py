@@ -194,7 +194,16 @@ def _event(attempt: Attempt) -> tuple[Found | None, events.Memory]:
     control = attempt.at.control
     if not attempt.plan.locate.on:
         return None, control.events
-    return events.met(control.events, attempt.at.state.now, attempt.solved, attempt.span, attempt.plan)
+    # What rules look at, where they do: probes cost a look at the halves.
+    seen = _seen(attempt, attempt.error) if attempt.plan.instants else {}
+    return events.met(control.events, attempt.at.state.now, attempt.solved, attempt.span, attempt.plan,
+                      events.Seen(seen, control.rules))
+
+
+def _seen(attempt: Attempt, error: Estimate | None) -> dict[str, float]:
+    """All that rules look at, at the end of a window."""
+    return {**monitors(attempt.at.control, attempt.span, attempt.solved, error),
+            **attempt.plan.probed(attempt.solved.state.now)}
 
 
 def _ruled(attempt: Attempt, found: _Found) -> Decision:
@@ -202,8 +211,7 @@ def _ruled(attempt: Attempt, found: _Found) -> Decision:
     plan, control, solved = attempt.plan, attempt.at.control, attempt.solved
     fired = rules.Fired(control.settings, control.rules)
     if plan.rules:
-        seen = {**monitors(control, attempt.span, solved, found.error), **plan.probed(solved.state.now)}
-        fired = rules.fire(plan.rules, control.rules, seen, control.settings)
+        fired = rules.fire(plan.rules, control.rules, _seen(attempt, found.error), control.settings)
     if fired.retry:
         why = "; ".join(f"rule {f.rule!r}: {f.text}" for f in fired.log)
         again = replace(cut(attempt, fired.retry, why), settings=fired.settings,

@@ -28,7 +28,7 @@ SLIPPING = "mechanical.contact.slipping"
 
 
 class ContactState(Enum):
-    """Of a pair, or of all friction."""
+    """Of a pair, of all friction, or of a rule."""
 
     OPEN = "open"
     CLOSED = "closed"
@@ -38,6 +38,8 @@ class ContactState(Enum):
     APART = "apart"  # nothing touches, so nothing sticks or slips; or nobody told
     BELOW = "below"  # a branch of a law
     ABOVE = "above"
+    WAITS = "waits"  # a rule whose conditions do not hold
+    ACTS = "acts"  # or do; APART: it is not known
 
 
 @dataclass(frozen=True)
@@ -123,9 +125,11 @@ def _friction(monitors: Mapping[str, float]) -> tuple[ContactState, tuple[float,
 
 
 def changed(before: ContactStatus, now: ContactStatus) -> list[int]:
-    """Which statuses differ.  Friction that begins or ends with touch is the pair's event, not one of its own."""
+    """Which statuses differ.  Friction that begins or ends with touch is the pair's event, not one of its own; and
+    nothing happens where a rule no longer acts.
+    """
     return [i for i, (a, b) in enumerate(zip(before.status, now.status, strict=True))
-            if a is not b and ContactState.APART not in (a, b)]
+            if a is not b and ContactState.APART not in (a, b) and b is not ContactState.WAITS]
 
 
 # Branches of the laws of contact: gaps and pressures at which a law bends, and on which side of them a pair is.

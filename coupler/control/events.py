@@ -1,10 +1,11 @@
-"""Contact events: where in a window something opens, closes, sticks or slips; the window is made to end there.
+"""Events: where in a window contact opens, closes, sticks or slips, or a rule acts; the window is made to end there.
 
 A window ends just behind its event, in the new status: a scheme that holds pressure and geometry of its start, or of
 the windows before, then sees the new side of the laws from the first window after it.  An iterated one sees them on the
 way to its end: behind an event where a law jumps it would hold the new side all the way, which then may keep the event
 from happening, and no iterate agrees with itself.  So an iterated window ends just before.  What was found once is not
-found again.
+found again.  A rule that changes a load or ends the run acts where what it looks at passes its bound: the window ends
+just behind that, whatever the scheme, for a rule sees only ends of windows (coupler.rules.instant).
 
 Few tries are needed because what is left of a status (a gap, a pressure) is known at the ends of the windows before:
 where it is about to run out a try ends a little before that, and the next one, from a point so near, just behind it.
@@ -14,13 +15,14 @@ Where nothing is known of it the interval between the last end before and the fi
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 from coupler.control.auto import schemes_under
 from coupler.control.contact_status import MOST, ContactState, ContactStatus, Root, changed, root
 from coupler.control.plan import Plan
+from coupler.rules import engine as rules
 from coupler.scenario.options import Scheme
 from coupler.schemes.levels import Level
 from coupler.schemes.scheme import CouplingScheme
@@ -28,6 +30,7 @@ from coupler.schemes.state import CoupledState, Solved, Span
 
 # The search for one event in one window: what is known on either side of it, and where the next try is to end.
 
+OF_RULES = (ContactState.WAITS, ContactState.ACTS)
 # Every so many tries the interval is halved, however well the curve through the tries looks.
 HALVE = 4
 # Where nothing tells how near an event is (friction), halving alone costs a solve a factor of two: this share of the
@@ -40,7 +43,7 @@ class Reach:
     """Of a window.  must_end : the tick of the next breakpoint.  t0, t1 : its start and its farthest end tried [s].
 
     tolerance, least [s]: how nearly an event is located, and how short a window may be.  near [s]: before a kink at its
-    end what is the kink's own.  schemes : by which it is solved, or may be.
+    end what is the kink's own.  schemes : by which it is solved, or may be.  of_rule : a rule is looked for.
     """
 
     span: Span
@@ -51,12 +54,18 @@ class Reach:
     least: float
     near: float
     schemes: tuple[CouplingScheme, ...]
+    of_rule: bool = False
 
     @property
     def behind(self) -> bool:
         """Whether the window is to end just behind its event, or just before."""
         # fault: a window ends before its event whatever the scheme -> return False | coupler/test_events
-        return all(scheme.ends_behind_event for scheme in self.schemes)
+        return self.of_rule or all(scheme.ends_behind_event for scheme in self.schemes)
+
+    def of(self, status: ContactState) -> Reach:
+        """Return the same for what has this status now: a rule sees ends of windows, so they lie behind its bound."""
+        # fault: an iterated window ends before the bound of a rule -> return self | coupler/test_rules_instant
+        return replace(self, of_rule=True, near=0.0) if status in OF_RULES else self
 
     @property
     def holds(self) -> bool:
@@ -252,15 +261,24 @@ class Found:
     text: str
 
 
-def met(memory: Memory, start: Level, solved: Solved, span: Span, plan: Plan) -> tuple[Found | None, Memory]:
+@dataclass(frozen=True)
+class Seen:
+    """What rules look at: monitors at the end of a window that was solved; memory : of the rules, before it."""
+
+    monitors: Mapping[str, float]
+    memory: rules.Memory = field(default_factory=rules.Memory)
+
+
+def met(memory: Memory, start: Level, solved: Solved, span: Span, plan: Plan,
+        seen: Seen) -> tuple[Found | None, Memory]:
     """Whether an event lies in a window that was solved.
 
     solved.state.now : the level at its end; solved.monitors : touching, mechanical.contact.slipping.
     Of the two outcomes: None, the window may be taken; located, it may be taken and ends at an event; else both halves
     are put back and the next try ends at `tick`.  The memory is kept whatever is done with the window.
     """
-    before = _at(memory, start, plan)
-    contact = plan.locate.status(solved.state.now, solved.monitors)
+    before = _at(memory, start, plan, seen.memory)
+    contact = plan.status(solved.state.now, solved.monitors, seen.monitors, seen.memory)
     memory = replace(before, tried=(*before.tried, contact), aim=0, coming=())
     flipped = changed(memory.trail[-1], contact)
     reach = _reach(before, span, plan, solved.scheme)
@@ -274,7 +292,7 @@ def met(memory: Memory, start: Level, solved: Solved, span: Span, plan: Plan) ->
         text = f"{_told(contact.status, flipped, plan)} again{' within one window' if back else ', and flutters'}"
         return (Found(span.k1, True, text) if turned else None), memory
     text = _told(contact.status, fresh, plan)
-    searches = [s for s in (Search(i, memory.trail, memory.tried, reach) for i in fresh) if not s.done]
+    searches = [s for s in (_search(i, memory, reach) for i in fresh) if not s.done]
     if not searches or len(memory.tried) >= MAX_TRIES:
         return Found(span.k1, True, text), memory
     return _again(min(s.next_end() for s in searches), memory, reach, text)
@@ -315,11 +333,11 @@ def forgotten(memory: Memory) -> Memory:
     return replace(memory, trail=memory.trail[-1:], rates=rates)
 
 
-def _at(memory: Memory, start: Level, plan: Plan) -> Memory:
+def _at(memory: Memory, start: Level, plan: Plan, of_rules: rules.Memory) -> Memory:
     """The memory with the start of the window at the end of its trail."""
     if memory.trail and memory.trail[-1].t == start.t:
         return memory
-    first = plan.locate.status(start, {})
+    first = plan.status(start, {}, of_rules.last, of_rules)
     n = len(first.status)
     return Memory((first,), turned=(-1.0,) * n, flutters=(0,) * n, stayed=(0,) * n)
 
@@ -337,14 +355,15 @@ def _aim(memory: Memory, reach: Reach) -> float | None:
     """The time a first try should end [s]: a little before the next event where that lies inside; None: anywhere."""
     ends = []
     for i in range(len(memory.turned)):
-        found = Search(i, memory.trail, memory.tried, reach).ahead()
+        search = _search(i, memory, reach)
+        found = search.ahead()
         if found is None or not memory.looked_for(i, reach.t0) or found.doubt > TRUST * (found.t - reach.t0):
             continue
         # So near to a kink, or to the start, there is nothing to cut.
         if found.t - reach.t0 <= reach.least or found.t >= reach.t1 - reach.near:
             continue
         half = 0.5 * reach.tolerance
-        end = found.t + half if reach.behind and found.doubt <= half else found.t - max(2.0 * found.doubt, half)
+        end = found.t + half if search.reach.behind and found.doubt <= half else found.t - max(2.0 * found.doubt, half)
         ends.append(max(end, reach.t0 + reach.least))
     return min(ends) if ends and min(ends) < reach.t1 else None
 
@@ -360,8 +379,7 @@ def _before(before: Memory, memory: Memory, reach: Reach, plan: Plan) -> tuple[F
         aim = _aim(before, replace(reach, t1=math.inf))
         if aim is None or abs(aim - reach.end) > CLOSE * (reach.end - reach.t0):
             return None, memory
-    searches = [Search(i, memory.trail, memory.tried, reach) for i in range(len(memory.turned))
-                if memory.looked_for(i, reach.t0)]
+    searches = [_search(i, memory, reach) for i in range(len(memory.turned)) if memory.looked_for(i, reach.t0)]
     due = [s.i for s in searches if s.done]
     if due:
         text = _told([NEXT[s] for s in memory.trail[-1].status], due, plan)
@@ -370,6 +388,10 @@ def _before(before: Memory, memory: Memory, reach: Reach, plan: Plan) -> tuple[F
     if not ends or len(memory.tried) >= MAX_TRIES:
         return None, memory
     return _again(min(ends), memory, reach, "just before an event")
+
+
+def _search(i: int, memory: Memory, reach: Reach) -> Search:
+    return Search(i, memory.trail, memory.tried, reach.of(memory.trail[-1].status[i]))
 
 
 def _again(end: float, memory: Memory, reach: Reach, text: str) -> tuple[Found, Memory]:
@@ -387,6 +409,9 @@ def _of_the_kink(memory: Memory, i: int, reach: Reach) -> bool:
 
     A little later: at a kink, as fast as it went before.  Friction tells nothing; what drives it changes at kinks.
     """
+    # What a rule waits for has no kink of its own: nobody put it there.
+    if memory.trail[-1].status[i] in OF_RULES:
+        return False
     left = memory.trail[-1].margins[i]
     if any(v <= 0.0 for v in left):
         return True
@@ -403,16 +428,18 @@ def _of_the_kink(memory: Memory, i: int, reach: Reach) -> bool:
 WORDS = {ContactState.OPEN: "opens", ContactState.CLOSED: "closes", ContactState.STICKS: "sticks",
          ContactState.SLIPS: "slips", ContactState.SLIPS_IN_PART: "slips in part",
          ContactState.BELOW: "is passed downwards", ContactState.ABOVE: "is passed upwards",
+         ContactState.WAITS: "waits", ContactState.ACTS: "acts",
          ContactState.APART: "changes as its surfaces part or meet"}
 
 
 NEXT = {ContactState.OPEN: ContactState.CLOSED, ContactState.CLOSED: ContactState.OPEN,
         ContactState.STICKS: ContactState.SLIPS_IN_PART, ContactState.SLIPS: ContactState.STICKS,
         ContactState.SLIPS_IN_PART: ContactState.SLIPS, ContactState.BELOW: ContactState.ABOVE,
-        ContactState.ABOVE: ContactState.BELOW, ContactState.APART: ContactState.APART}
+        ContactState.ABOVE: ContactState.BELOW, ContactState.WAITS: ContactState.ACTS,
+        ContactState.ACTS: ContactState.WAITS, ContactState.APART: ContactState.APART}
 
 
 def _told(status: Sequence[ContactState], which: Sequence[int], plan: Plan) -> str:
     """What changes, in words.  status : the new one of each."""
-    names = plan.locate.names
+    names = plan.names
     return " and ".join(f"{names[i]} {WORDS[status[i]]}" for i in which)

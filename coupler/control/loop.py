@@ -24,6 +24,7 @@ from coupler.rules.engine import Firing
 from coupler.scenario.options import Adaptive
 from coupler.schemes.state import CoupledState, Halves, Solved, Span, Verdict
 from coupler.trust.errors import Looked
+from coupler.trust.instants import Acted
 from coupler.trust.stability import Mended
 
 # Where the next window ends, before it has been solved, and why there.
@@ -126,6 +127,13 @@ class Tried:
     def accepted(self) -> bool:
         """Whether the run goes on from its end."""
         return self.solved.taken
+
+    @property
+    def acted(self) -> Acted:
+        """What rules did at its end, of a window that stands."""
+        late = {f.rule: f.passed for f in self.fired if f.passed is not None}
+        return Acted(self.t + self.H, self.H, self.before.rules.last, self.after.control.rules.last, late,
+                     bool(self.event))
 
     @property
     def monitors(self) -> dict[str, float]:

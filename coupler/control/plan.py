@@ -11,7 +11,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from coupler.control.body_strain import NO_CELLS, BodyCells
-from coupler.control.contact_status import Branch, ContactStatus, PairNodes, contact_status, side
+from coupler.control.contact_status import Branch, ContactState, ContactStatus, PairNodes, contact_status, side
+from coupler.rules.engine import Memory, spent
+from coupler.rules.instant import has_instant, standing
 from coupler.scenario.options import Adaptive, Iteration, OnCycle, OnUnstable, Scheme
 from coupler.scenario.rule_model import Rule
 from coupler.schemes.levels import Level
@@ -21,7 +23,7 @@ from coupler.schemes.state import Settings
 
 @dataclass(frozen=True)
 class Locate:
-    """Whether windows are ended where contact opens, closes, sticks or slips.
+    """Whether windows are ended where contact opens, closes, sticks or slips, and where rules act on the scene.
 
     tolerance [s]: how nearly; 0: as coupler.control.events says.  pairs : the pairs that are looked at.
     branches : of laws that are looked at too.
@@ -77,6 +79,32 @@ class Plan:
     def settings(self) -> Settings:
         """Those of the first window."""
         return Settings(self.scheme, self.substeps, self.iteration)
+
+    @cached_property
+    def instants(self) -> tuple[Rule, ...]:
+        """The rules that act on the scene at an instant."""
+        return tuple(rule for rule in self.rules if has_instant(rule))
+
+    def status(self, level: Level, monitors: Mapping[str, float], seen: Mapping[str, float],
+               memory: Memory) -> ContactStatus:
+        """Return the status of all that is located: pairs, branches of laws, rules, friction.
+
+        monitors : of contact.  seen : what rules look at, at the level.  memory : of the rules, before the window.
+        """
+        contact = self.locate.status(level, monitors)
+        # fault: a rule acts only where a window happens to end -> found = [(None, ()) for _ in self.instants] |
+        #   coupler/test_rules_instant
+        found = [standing(rule, spent(rule, memory), seen) for rule in self.instants]
+        states = [ContactState.APART if acts is None else ContactState.ACTS if acts else ContactState.WAITS
+                  for acts, _ in found]
+        return ContactStatus(level.t, (*contact.status[:-1], *states, contact.status[-1]),
+                             (*contact.margins[:-1], *(left for _, left in found), contact.margins[-1]))
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Of each status, in words."""
+        names = self.locate.names
+        return (*names[:-1], *(f"rule {rule.name}" for rule in self.instants), names[-1])
 
     @property
     def last(self) -> int:

@@ -14,6 +14,7 @@ from dataclasses import dataclass, field, replace
 
 from coupler.fmu.half import Block
 from coupler.rules.drive import Driven, begun, driven
+from coupler.rules.instant import passed
 from coupler.scenario.options import Scheme
 from coupler.scenario.rule_model import (
     COUPLER,
@@ -24,6 +25,7 @@ from coupler.scenario.rule_model import (
     Drive,
     Give,
     Of,
+    Passed,
     Retry,
     Rule,
     Stop,
@@ -113,7 +115,7 @@ def _one(settings: Settings, action: Action) -> Settings:
 
 
 __all__ = ["Fired", "Firing", "Memory", "Past", "Rule", "alone", "fire", "fire_failed", "first_loads",
-           "first_memory", "first_settings", "retried", "value", "wanted"]
+           "first_memory", "first_settings", "retried", "spent", "value", "wanted"]
 
 # Monitors that a window which failed has too; without one of them a rule does not look at it.
 OF_FAILURE = frozenset({"failures", "thermal.status", "mechanical.status"})
@@ -147,12 +149,14 @@ class Firing:
     """rule : its name.  text : what it did.  values : the monitors it looked at.
 
     driving : only the next value of a driven load, which is no news.
+    passed : how late it is, of a rule that has an instant in this window (coupler.rules.instant).
     """
 
     rule: str
     text: str
     values: Mapping[str, float] = field(default_factory=dict)
     driving: bool = False
+    passed: Passed | None = None
 
 
 @dataclass(frozen=True)
@@ -223,7 +227,8 @@ def fire(rules: Sequence[Rule], memory: Memory, monitors: Mapping[str, float], s
         return Fired(applied(settings, _others(back)), _with_fired(memory, back), log,
                      min(_share(r, monitors["window"]) for r in back))
     settings = applied(settings, _others(due))
-    log = tuple(Firing(r.name, did(_others([r])), _values(r, memory, monitors)) for r in due if _others([r]))
+    log = tuple(Firing(r.name, did(_others([r])), _values(r, memory, monitors),
+                       passed=passed(r, spent(r, memory), memory.last, monitors)) for r in due if _others([r]))
     kept = {r.name: _after(r, seen[r.name], r in due) for r in rules}
     fired = _driven(due, monitors, Fired(settings, memory, log, stop=_stop(due)))
     return replace(fired, memory=replace(fired.memory, rules=kept, last=dict(monitors)))
@@ -278,6 +283,11 @@ def value(test: Test, last: Mapping[str, float], monitors: Mapping[str, float]) 
     # fault: rules: a rate not divided by the time since the window before -> return change if test.of is Of.CHANGE else
     #   change | coupler/test_rules
     return change if test.of is Of.CHANGE else change / (monitors["t"] - last.get("t", math.nan))
+
+
+def spent(rule: Rule, memory: Memory) -> bool:
+    """Whether a rule fires at most once, and has."""
+    return rule.once and memory.rules.get(rule.name, Past()).fired > 0
 
 
 def _share(rule: Rule, window: float) -> float:

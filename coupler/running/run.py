@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
 from contact.rpc.calls import LinkError
+from coupler.control import events
 from coupler.control.loop import Tried, finished, step
 from coupler.control.state import Committed, first
 from coupler.errors import CouplingError, HalfError, SlidelineError
@@ -285,6 +286,8 @@ class Run:
                     fresh=self.state.now.t in kinks, forced=tried.solved.anyway, looked=tried.looked,
                     inputs=tried.before.settings.inputs.get("thermal", {}),
                     monitors=tried.solved.monitors)
+                if self.plan.instants:
+                    self._trust = self._trust_watch.acted(self._trust, tried.acted)
                 self.ledger = self.ledger.after(tried.solved.terms)
             elif tried.mended is not None:
                 self._trust = self._trust_watch.mended(self._trust, tried.mended, tried.t + tried.H, tried.H)
@@ -335,7 +338,8 @@ class Run:
             self.plan = replace(self.plan, rules=tuple(changes["rules"]))
             self.halves = halves_of(self.halves.thermal, self.halves.mechanical, self.plan, self.scenario.interface)
             memory = rules.first_memory(self.plan.rules, {"t": self.state.now.t, **self.plan.probed(self.state.now)})
-            control = replace(control, rules=memory, settings=rules.first_settings(self.plan.rules, control.settings))
+            control = replace(control, rules=memory, settings=rules.first_settings(self.plan.rules, control.settings),
+                              events=events.Memory())
         self._at = Committed(self.state, replace(control, stop=""))
         texts = ", ".join(f"{n} {getattr(v, 'value', v)}" for n, v in changes.items() if n != "rules")
         self.noticed.append(f"changed at t = {self.state.now.t:.9g} s by its caller: "
@@ -526,7 +530,8 @@ class Run:
     def _judged(self) -> tuple[Check, ...]:
         """Return the trust table of what both halves and the exchange did."""
         delivered = {block: account.delivered for block, account in self.state.accounts.items()}
-        return self._trust_watch.judged(self._trust, self.ledger.everything, delivered)
+        return self._trust_watch.judged(self._trust, self.ledger.everything, delivered,
+                                        rules=bool(self.plan.instants))
 
     def _totals(self) -> dict[str, Any]:
         heats = {HEATS[n].replace(" ", "_"): {"made": a.made, "delivered": a.delivered, "carried": float(a.carry.sum())}

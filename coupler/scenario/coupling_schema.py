@@ -53,13 +53,13 @@ class AdaptiveSpec(Part):
 
 
 class Events(Part):
-    """locate : end windows where contact opens, closes, sticks or slips.  tolerance [s]: how nearly.
+    """locate : end windows where contact opens, closes, sticks or slips, or a rule acts.  tolerance [s]: how nearly.
 
     branches : and where a gap or a pressure passes a bend of a law.
     """
 
     locate: Annotated[bool | None, Entry(
-        "windows end where contact opens, closes, sticks or slips",
+        "windows end where contact opens, closes, sticks or slips, and where a rule changes a load or ends the run",
         kind="true, false",
         default="true where windows are adaptive, else false")] = None
     tolerance: Annotated[Positive | None, Entry(

@@ -161,6 +161,18 @@ class Rule:
         return frozenset(own | {self.drive.monitor} if self.drive else own)
 
 
+@dataclass(frozen=True)
+class Passed:
+    """How late a rule acts: at the end of a window, in which what it looks at passed its bound.
+
+    over : how far past it was then, in the unit of the monitor.  part : of its change in that window; 0: just then.
+    """
+
+    monitor: str
+    over: float
+    part: float
+
+
 # What rules look at and do, in words: for the console, the results and the report.
 
 def did(actions: Iterable[Action]) -> str:

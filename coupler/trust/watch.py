@@ -22,6 +22,7 @@ from coupler.trust import (
     errors,
     facets,
     heat_mesh,
+    instants,
     mesh,
     motion,
     passing,
@@ -68,6 +69,7 @@ class TrustLog:
     stored: stored.StoredLog = field(default_factory=stored.StoredLog)
     solved: solved.SolvedLog = field(default_factory=solved.SolvedLog)
     motion: motion.MotionLog = field(default_factory=motion.MotionLog)
+    instants: instants.InstantLog = field(default_factory=instants.InstantLog)
     windows: int = 0
     forced: int = 0
     forced_t: float = 0.0
@@ -165,6 +167,10 @@ class TrustWatch:
         return replace(log, mesh=mesh.watched(log.mesh, told, t),
                        heat_mesh=heat_mesh.watched(log.heat_mesh, of_heat, t))
 
+    def acted(self, log: TrustLog, acted: instants.Acted) -> TrustLog:
+        """Return the log after rules were asked at the end of a window that was taken."""
+        return replace(log, instants=instants.watched(log.instants, acted))
+
     def mended(self, log: TrustLog, found: stability.Mended, t: float, H: float) -> TrustLog:
         """Return the log after a window of H to t [s] was put back because the exchange rings in it."""
         return replace(log, stability=stability.mended(log.stability, found, t, H),
@@ -175,10 +181,11 @@ class TrustWatch:
         return {n: asdict(row) for n, row in errors.table(log.errors, self._probes).items()}
 
     def judged(self, log: TrustLog, totals: Mapping[str, float],
-               handed: Mapping[str, float] = NOTHING) -> tuple[Check, ...]:
+               handed: Mapping[str, float] = NOTHING, *, rules: bool = False) -> tuple[Check, ...]:
         """Return the table.
 
         totals : all of the ledger over the run [J].  handed : heat delivered to the thermal half, block -> [J].
+        rules : whether rules act on the scene.
         """
         off = imbalance(totals)
         return (
@@ -205,6 +212,7 @@ class TrustWatch:
             *self._stored.checks(log.stored, log.temperatures.span),
             *delivered.checks(handed, totals),
             *solved.checks(log.solved),
+            *instants.checks(log.instants, rules),
             measured("windows solved to their tolerance", log.forced, (0, 0), unit="windows", t=log.forced_t,
                      what=f"{log.forced} of {log.windows} windows were accepted although they did not converge or "
                           f"their error was too large, the last at t = {log.forced_t:.6g} s",
