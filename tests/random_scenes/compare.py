@@ -25,6 +25,7 @@ ROUND_OFF = 1e-14  # of the largest number that took part, some fifty times the 
 
 
 JUMPS = ("conductance jumps",)  # a warning that the answer turns on whether two surfaces touch
+UNSTABLE = ("would leave their equilibrium by themselves",)  # a warning that there are other answers beside this one
 
 
 @dataclass(frozen=True)
@@ -93,7 +94,7 @@ def differences(old: Story, changed: Changed, new: Story) -> list[Difference]:
 
 def findings(old: Story, changed: Changed, new: Story) -> list[Finding]:
     """The same as findings, the worst alone; and one where only the changed scene does not end well."""
-    named_by = JUMPS if on_a_jump(old) else ()
+    named_by = (*UNSTABLE, *(JUMPS if on_a_jump(old) else ()))
     if new.outcome != COMPLETED:
         # What is refused or fails has told it: its message is its warning.
         failed = replace(new, words=(*new.words, new.message))
