@@ -20,7 +20,7 @@ from typing import Any, TypeVar, cast
 
 F = TypeVar("F", bound=Callable[..., Any])
 
-WAIT = 60.0  # s for a function that another process compiles; one that was stopped meanwhile is not waited for longer
+WAIT = 30.0  # s for a function that another process compiles; one that was stopped meanwhile is not waited for longer
 IMPORT = re.compile(rb"^[ \t]*(?:from|import)[ \t]+([\w.]+)", re.MULTILINE)
 
 

@@ -52,7 +52,10 @@ def whole(tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.mark.parametrize("scene", ["plain", "killed", "cut", "bad"])
 def test_three_machines_around_a_router_give_the_bits_of_one_process(whole, tmp_path, scene):
     command = [sys.executable, str(HERE / "host_scene.py"), str(tmp_path), scene]
-    if why := namespaces():
+    why = namespaces()
+    if scene == "plain" and not why:
+        pytest.skip("the same over a bad line asks for more")
+    if why:
         if scene in ("cut", "bad"):
             pytest.skip(f"no line between machines: this kernel gives no network namespaces ({why})")
         command.append("--loopback")

@@ -1,4 +1,4 @@
-"""Scenes nobody wrote: fixed seeds that hold, new ones that are only told of, and faults that were found."""
+"""Scenes nobody wrote: fixed seeds that hold, new ones that are only told of (`-m slow`), and faults that were found."""
 
 from __future__ import annotations
 
@@ -62,6 +62,8 @@ def test_no_law_is_broken_in_silence(seed):
     assert not judgement.silent, "\n".join(f"{r.invariant}: {r.what}" for r in judgement.silent)
 
 
+# No run of the tests fails by it; benchmarks/random_scenes.py asks new seeds by the hundred.
+@pytest.mark.slow
 @pytest.mark.parametrize("place", range(NEW))
 def test_a_new_scene_is_told_of(place):
     """Never red: what is found is told by `pytest -rx`, with its seed."""

@@ -76,13 +76,23 @@ def start(system: Monolithic) -> np.ndarray:
     return np.concatenate([np.full(system.n, COLD), np.zeros(2 * system.n)])
 
 
+KEPT: dict[tuple[float, int], tuple[dict[str, int], np.ndarray]] = {}
+
+
+def monolithic(folder: Path, dt: float, steps: int) -> tuple[dict[str, int], np.ndarray]:
+    """The nodes of the probes, and the one system's answer after each of so many steps; made once for all schemes."""
+    if (dt, steps) not in KEPT:
+        system, node = both_at_once(folder)
+        z = [start(system)]
+        for _ in range(steps):
+            z.append(system.step(z[-1], dt))
+        KEPT[dt, steps] = node, np.array(z)
+    return KEPT[dt, steps]
+
+
 def worst(results: Results, folder: Path, dt: float) -> float:
     """Largest difference [K] of a probe from the monolithic answer with steps of the same size."""
-    system, node = both_at_once(folder)
-    z = [start(system)]
-    for _ in results.t[1:]:
-        z.append(system.step(z[-1], dt))
-    T = np.array(z)
+    node, T = monolithic(folder, dt, len(results.t) - 1)
     return max(float(np.abs(results.probe(name)[1] - T[:, node[name]]).max()) for name in PROBES)
 
 
