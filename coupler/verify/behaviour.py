@@ -43,7 +43,7 @@ def same_twice(bench: Bench, check: str) -> Finding:
     """Check that two instances with the same inputs give the same bits."""
     with bench.half() as a, bench.half() as b:
         # fault: verify-half: what changes after the third substep is not seen -> for k, (one, other) in enumerate(
-        #   zip(bench.steps(a, 3), bench.steps(b, 3), strict=False), start=1): | coupler/test_broken_halves
+        #   zip(bench.steps(a, 3), bench.steps(b, 3), strict=False), start=1): | coupler/test_plain_run
         for k, (one, other) in enumerate(zip(bench.steps(a), bench.steps(b), strict=False), start=1):
             if wrong := differing(one, other):
                 return failed(check, f"two new instances differ after substep {k} in {_some(wrong)}",
@@ -120,7 +120,7 @@ def restoring_long(bench: Bench, check: str) -> Finding:
         first = list(bench.steps(half, MANY, 2))
         half.restore(token)
         # fault: verify-half: what comes late after a restore is not seen -> for k, (a, b) in enumerate(zip(first[:2],
-        #   bench.steps(half, 2, 2), strict=False), start=2): | coupler/test_broken_halves
+        #   bench.steps(half, 2, 2), strict=False), start=2): | coupler/test_plain_run
         for k, (a, b) in enumerate(zip(first, bench.steps(half, MANY, 2), strict=False), start=2):
             if wrong := differing(a, b):
                 return failed(check, f"after a restore substep {k} gives another {_some(wrong)}",
@@ -150,7 +150,7 @@ def caches(bench: Bench, check: str) -> Finding:
         bench.step(hot, 1)
         done = 1
         # fault: verify-half: the state of an instance that was hardly used is taken over -> for used in (1,): |
-        #   coupler/test_broken_halves
+        #   coupler/test_plain_run
         for used in (1, LONG):
             done += len(list(bench.steps(hot, used - done, done + 1)))
             token = hot.save()

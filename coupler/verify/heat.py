@@ -54,7 +54,7 @@ def answers_pressure(bench: Bench, check: str) -> Finding:
     sides = [(np.unique(i.surfaces[pair.slave]), np.unique(i.surfaces[pair.master])) for pair in i.pairs]
     left: list[Array] = []
     # fault: verify-half: pressure is offered with one sign alone -> for sign in (-1.0, -1.0): |
-    #   coupler/test_broken_halves
+    #   coupler/test_plain_run
     for sign in (-1.0, 1.0):
         with bench.half() as half:
             inputs = {**bench.starts, "contact.t_N": np.full(t_N.shape, sign * PRESSED)}
@@ -96,7 +96,7 @@ def answers_gap(bench: Bench, check: str) -> Finding:
             continue  # it may refuse an overlap
         answered = True
         # fault: verify-half: a half that conducts across a gap and not where sides touch passes -> if False: |
-        #   coupler/test_broken_halves
+        #   coupler/test_plain_run
         if left[0] < left[1]:
             return failed(check, f"pair {pair.name}: apart its sides are {left[0]:.6g} K apart after a substep, "
                           f"overlapping {left[1]:.6g} K", "A gap resists heat: it is larger the farther x are apart")
@@ -163,7 +163,7 @@ def warms(bench: Bench, check: str) -> Finding:
         share = np.where(scene.cell_body == b, of, 0.0)
         holds = np.where(scene.cell_body == b, scene.rho_c * scene.volumes, 0.0)
         mean = float(rise @ holds / share.sum())
-        # fault: verify-half: heat that is lost or counted twice passes -> if False: | coupler/test_broken_halves
+        # fault: verify-half: heat that is lost or counted twice passes -> if False: | coupler/test_plain_run
         if abs(mean - WARMED) > HEAT_OFF * WARMED:
             return failed(check, f"{WARMED * share.sum():.6g} J in body {scene.interface.bodies[b]!r} warm it by "
                           f"{mean:.6g} K, not Q/(rho c V) = {WARMED:g} K",
@@ -182,7 +182,7 @@ def cells_in_order(bench: Bench, check: str) -> Finding:
         E = np.zeros(len(scene.cells))
         E[e] = WARMED * scene.rho_c[e] * scene.volumes[e]
         dT = _rise(bench, E)
-        # fault: verify-half: temperatures in another order pass -> if False: | coupler/test_broken_halves
+        # fault: verify-half: temperatures in another order pass -> if False: | coupler/test_plain_run
         if dT[scene.cells[e]].max() < (1.0 - CHANGED) * dT.max():
             return failed(check, f"heat in cell {e + 1} warms node {int(np.argmax(dT)) + 1} most, which is none of its "
                           f"nodes ({', '.join(str(n + 1) for n in scene.cells[e])})",

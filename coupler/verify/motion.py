@@ -61,7 +61,7 @@ def expands(bench: Bench, check: str) -> Finding:
     for b, F in off.items():
         e, name = float(scene.stretch[b]), scene.interface.bodies[b]
         # fault: verify-half: a body that expands otherwise than by alpha passes -> if False: |
-        #   coupler/test_broken_halves
+        #   coupler/test_plain_run
         if np.abs(F - e * np.eye(2)).max() > OFF * abs(e):
             return failed(check, f"body {name!r}, free and warm all over, is longer by {F[0, 0]:.4g} along x and "
                           f"{F[1, 1]:.4g} along y, not {e:.4g}", "T are kelvin, in the order of interface.h5; alpha "
@@ -84,14 +84,14 @@ def rigid(bench: Bench, check: str) -> Finding:
         for b in _alone(scene, got):
             F = _gradient(scene, b, got["x"])
             # fault: verify-half: a body that strains without a cause passes -> if (strain := 0.0) > RIGID: |
-            #   coupler/test_broken_halves
+            #   coupler/test_plain_run
             if (strain := float(np.abs(F.T @ F - np.eye(2)).max() / 2.0)) > RIGID:
                 return failed(check, f"substep {k}: body {i.bodies[b]!r}, free and at T_ref, has a strain of "
                               f"{strain:.3g}", "Without load and at T_ref a body keeps the size of its mesh")
         if "contact.t_N" in got and "contact.gap" in got:
             far = (got["contact.gap"] > STILL * scene.span) & (got["contact.t_N"] != 0.0) & scene.free
             far &= ~_past_an_end(i, got)
-            # fault: verify-half: pressure across a gap passes -> if False: | coupler/test_broken_halves
+            # fault: verify-half: pressure across a gap passes -> if False: | coupler/test_plain_run
             if far.any():
                 q = int(np.argmax(far))
                 return failed(check, f"substep {k}: contact.t_N[{q + 1}] is {got['contact.t_N'][q]:.6g} Pa across a "
@@ -124,7 +124,7 @@ def nodes_in_order(bench: Bench, check: str) -> Finding:
         if grown.max() <= STILL * abs(scene.stretch[scene.interface.node_body[n]]):
             continue
         answered, e = True, int(np.argmax(grown))
-        # fault: verify-half: temperatures taken in another order pass -> if False: | coupler/test_broken_halves
+        # fault: verify-half: temperatures taken in another order pass -> if False: | coupler/test_plain_run
         if n not in scene.cells[e]:
             return failed(check, f"node {n + 1} warmed, cell {e + 1} grows most, which does not have it",
                           "Give and take nodes in the order of interface.h5")

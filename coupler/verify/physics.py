@@ -37,7 +37,7 @@ def converges(bench: Bench, check: str) -> Finding:
         one, two = (np.asarray(value) for value in found)
         difference = float(np.abs(one - two).max(initial=0.0))
         most = max(most, difference)
-        # fault: verify-half: what is added to each substep passes -> if True: | coupler/test_broken_halves
+        # fault: verify-half: what is added to each substep passes -> if True: | coupler/test_plain_run
         if difference <= max(LESS * most, NOTHING * float(np.abs(one).max(initial=0.0))):
             return passed(check)
         h *= SHORTER

@@ -1,7 +1,7 @@
 """A plain `slideline run` names every broken half of the tests before it runs, and runs those that are right.
 
-A run checks a half in a child. Most of the halves in Python are checked in this process instead, by the same checks:
-a child imports and loads for as long as it checks.
+A run checks a half in a child. Most of the halves in Python are checked in this process instead, by the same checks
+and up to the row that names them: a child imports and loads for as long as it checks.
 """
 
 from __future__ import annotations
@@ -122,23 +122,29 @@ def test_all_36_are_here() -> None:
 
 
 def checked_here(fmu: Path, scratch: Path, h: float, scene: BorderScene, limit: float, *, reads: frozenset[str] | None,
-                 most: float, reference: Path | None, why_none: str) -> Iterator[Finding]:
-    """Check as coupler.verify.child does, in this process."""
+                 most: float, reference: Path | None, why_none: str, last: str) -> Iterator[Finding]:
+    """Check as coupler.verify.child does, in this process.  last : the row after which nothing more is checked."""
     own = None if reference is None else partial(load_half, reference, None, "own")
-    yield from verify_fmu(fmu, scratch, h, scene, reads=reads, reference=own, why_none=why_none)
+    for finding in verify_fmu(fmu, scratch, h, scene, reads=reads, reference=own, why_none=why_none):
+        yield finding
+        if finding.check == last:
+            return
 
 
 @pytest.mark.parametrize("name", CASES)
 def test_a_plain_run_names_it(name: str, wrongs: dict[tuple[str, str], Path], tmp_path: Path,
                               monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("PYTHONPATH", os.pathsep.join([str(HERE), str(HALVES)]))
-    if name not in IN_CHILD:
-        monkeypatch.setattr(verdicts, "findings_of", checked_here)
     case = CASES[name]
+    row = ROWS.get(name, case.check)
+    if name not in IN_CHILD:
+        monkeypatch.setattr(verdicts, "findings_of", partial(checked_here, last=row))
     base = wrongs[case.scene, case.role]
     scene = base.parent / "s.yaml"
     said = refused(scene, case.role, wrong(base, name, tmp_path / "wrong.fmu"), tmp_path)
-    assert f"{case.role} half {tmp_path / 'wrong.fmu'}: {ROWS.get(name, case.check)}: " in said
+    # Row, reason, remedy.
+    assert re.search(re.escape(f"{case.role} half {tmp_path / 'wrong.fmu'}: {row}: ")
+                     + r".+\. \S.+", said)
     assert re.search(CAUSES[name], said)
 
 
