@@ -1,4 +1,4 @@
-"""Scenes nobody wrote: fixed seeds that hold, new ones that are only told of (`-m slow`), and faults that were found."""
+"""Scenes nobody wrote: fixed seeds that hold, new ones that are told of (`-m slow`), and faults that were found."""
 
 from __future__ import annotations
 
