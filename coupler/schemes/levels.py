@@ -9,7 +9,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from coupler.schemes.paths import Bodies, carried_along
+from coupler.schemes.paths import Bodies, carried_along, extrapolated
 
 Array = NDArray[np.float64]
 
@@ -111,20 +111,24 @@ def _linear(start: Array, end: Array, fraction: float) -> Array:
 DAMPED, CLOSEST = -1.0, 1.0
 
 
-def extrapolated_slope(now: Level, past: Sequence[Level], end: float, extrapolation: float) -> Slope | None:
+def extrapolated_slope(now: Level, past: Sequence[Level], end: float, extrapolation: float,
+                       bodies: Bodies | None = None) -> Slope | None:
     """Returns the line of x and t_N through a window up to `end` [s] that meets the extrapolation at its middle.
 
     past : levels before `now`, the newest first.  Where there is none: None, x and t_N are held; where there is one:
-    the line through the last window.  A t_N extrapolated to a tension is held at 0 by geometry_at.
+    the line through the last window.  bodies : as of `geometry_at`.  A t_N extrapolated to a tension is held at 0 by
+    geometry_at.
     """
     if not past:
         return None
     if extrapolation == 0.0 or (len(past) < 2 and extrapolation > 0.0):
         return past[0], now
     levels = (now, *past[:2])
-    w = weights([level.t for level in levels], end, extrapolation)
-    x, t_N = (sum([a * getattr(level, name) for a, level in zip(w, levels, strict=True)]) for name in ("x", "t_N"))
-    return now, replace(now, t=end, x=2.0 * x - now.x, t_N=2.0 * t_N - now.t_N)
+    times = [level.t for level in levels]
+    w = weights(times, end, extrapolation)
+    x = extrapolated([level.x for level in levels], times, 0.5 * (now.t + end), w, bodies)
+    t_N = sum([a * level.t_N for a, level in zip(w, levels, strict=True)])
+    return now, replace(now, t=end, x=carried_along(now.x, now.x, x, 2.0, bodies), t_N=2.0 * t_N - now.t_N)
 
 
 def weights(times: Sequence[float], end: float, extrapolation: float) -> tuple[float, ...]:

@@ -48,7 +48,7 @@ def solve_parallel(w: WindowTask) -> Solved:
 
 def solve_extrapolated(w: WindowTask) -> Solved:
     """Solves a window: thermal on x and t_N extrapolated past the last levels, then mechanics.  Raises DiscardError."""
-    slope = extrapolated_slope(w.state.now, w.state.past, w.span.end, w.extrapolation)
+    slope = extrapolated_slope(w.state.now, w.state.past, w.span.end, w.extrapolation, w.halves.bodies)
     swept = thermal_first(w.halves, w.state, w.span, slope, ahead=bool(w.state.past))
     return swept.solved(w.state, Scheme.EXTRAPOLATED, extrapolation=w.extrapolation)
 
