@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int32]
 
-WIRE_VERSION = 8
+WIRE_VERSION = 9
 
 
 @dataclass(frozen=True)
@@ -121,6 +121,8 @@ class Traction:
     multipliers : (n_m,) [Pa], the first n_q <= 0 (zeros: pure penalty).  The rest matters with friction only.
     x_before : (n_s, 2) [m], where the surfaces were then, and multipliers_before : (n_m,) [Pa], theirs then.
     mobilised : (n_q,) [1], the shear of slave nodes over p_N then, positive along the edges, the body on the left.
+    mobilised_at : (n_h, 3), the same of the points that touched then: the pair node of the slave edge's first end, the
+    place xi along the edge [1], and the shear over p_N [1], ascending; None: it is linear between nodes.
     """
 
     surfaces: str
@@ -129,6 +131,7 @@ class Traction:
     x_before: Floats
     multipliers_before: Floats
     mobilised: Floats
+    mobilised_at: Floats | None = None
 
 
 @dataclass(frozen=True)
@@ -143,7 +146,7 @@ class Tractions:
     than the slave; of a tied pair > 0 where it is pulled.
     node_gap, node_covered : (n_q,) as in Facing.
     multipliers : (n_m,) [Pa], of slave nodes the mean of -p_N over what each faces, 0 of others, and the tractions of
-    ties, and mobilised : (n_q,) [1]: the new history.
+    ties, mobilised : (n_q,) [1] and mobilised_at : (n_h, 3), as in Traction: the new history.
     shear : (n_q,) [Pa] of slave nodes, the mean of tau over what each faces (of next to nothing: as t_N).
     E_friction : (n_q,) [J] of slave nodes, what slipping made since x_before.
     slipping : (n_q,) of what a slave node touches, the part at Coulomb's bound, 0 to 1.
@@ -162,6 +165,7 @@ class Tractions:
     node_covered: Floats
     multipliers: Floats
     mobilised: Floats
+    mobilised_at: Floats
     shear: Floats
     E_friction: Floats
     slipping: Floats
@@ -181,6 +185,7 @@ class Coupling:
     x_before: Floats
     multipliers_before: Floats
     mobilised: Floats
+    mobilised_at: Floats | None = None
 
 
 @dataclass(frozen=True)

@@ -21,11 +21,11 @@ Flags = NDArray[np.bool_]
 
 NODES = 6
 FIXED = -1  # a cut that moves with the edge; else the number of the node whose foot it is
-# Columns of a point's constants: multipliers at the slave's nodes [Pa], penalties [Pa/m], friction, the mobilised
-# friction before [1], the shear if it sticks with its derivatives by xi and eta [Pa], what is added to the gap at the
-# slave's nodes [m], and what slave and master rise above their edges (contact.rounding) where the pair is smooth [m].
-LAMBDA_1, LAMBDA_2, EPS_N, EPS_T, MU, MOBILISED, TRIAL, TRIAL_XI, TRIAL_ETA = 0, 1, 2, 3, 4, 5, 6, 7, 8
-OFFSET_1, OFFSET_2, RISE_S, RISE_M, N_CONSTANTS = 9, 10, 11, 12, 13
+# Columns of a point's constants: multipliers at the slave's nodes [Pa], penalties [Pa/m], friction [1], the
+# shear if it sticks with its derivatives by xi and eta [Pa], what is added to the gap at the slave's nodes [m], and
+# what slave and master rise above their edges (contact.rounding) where the pair is smooth [m].
+LAMBDA_1, LAMBDA_2, EPS_N, EPS_T, MU, TRIAL, TRIAL_XI, TRIAL_ETA = 0, 1, 2, 3, 4, 5, 6, 7
+OFFSET_1, OFFSET_2, RISE_S, RISE_M, N_CONSTANTS = 8, 9, 10, 11, 12
 # State of a point, `doing`.
 OPEN, STICKS, SLIPS_FORWARD, SLIPS_BACK = 0, 1, 2, 3
 

@@ -4,8 +4,7 @@ p_N = max(-lambda - eps_N g_N, 0) at each point, lambda interpolated from the sl
 p_N > 0.  It pushes the slave with -N p_N n A and the master with +M p_N n A, along the ray n that joins the two
 points, so forces and moments balance to round-off.  A touching point with friction drags along t (n turned to the
 left) with tau = tau_before - eps_T slip, bounded by mu p_N; what it moves at that bound makes heat.  The history is
-tau/p_N, the mobilised friction, of the slave's nodes: it is +-mu wherever all slips, so nothing is lost by taking it
-linear between nodes, and what is held right at the bound stays there.
+tau/p_N, the mobilised friction (contact.shear_history).
 The two drags stand the gap apart, so their moments balance only to tau A g_N.
 """
 
@@ -27,7 +26,6 @@ from contact.piece import (
     FIXED,
     LAMBDA_1,
     LAMBDA_2,
-    MOBILISED,
     MU,
     N_CONSTANTS,
     NODES,
@@ -45,6 +43,7 @@ from contact.piece import (
     piece_stiffness,
 )
 from contact.search import GAUSS, feet
+from contact.shear_history import ShearHistory, checked_history, nodal_friction, noted, remembered
 from contact.slip import slip_since
 from contact.surfaces import CORNER_COS, Frame, RegisteredSurfaces, checked_reals, edge_frames, frame_of
 from contact.tied import Bonds, bonds_at, ties_of
@@ -157,14 +156,16 @@ def traction(surfaces: RegisteredSurfaces, request: Traction) -> Tractions:
     mean, drag, E_friction, faced = nodal_means(of.size, cut.at, cut.values, points.p_N, points.tau, points.heat)
     t_N, t_T = at_slivers(mean, drag, faced, cut.node_covered, of.searched, of.sides, surfaces.start, of.place)
     t_N = on_masters(t_N, of.searched, cut.at, cut.values)
-    mobilised = mobilised_friction(cut.at, cut.values, points.c, points.doing, points.p_N, points.tau, asked.mobilised)
+    mu = points.c[:, MU]
+    mobilised = nodal_friction(of.size, cut.at, cut.values, mu, points.p_N, points.tau)
+    mobilised_at = noted(cut.at, cut.values, mu, points.p_N, points.tau)
     # fault: what sticks is told as slipping -> slides = (points.doing >= STICKS).astype(np.float64) |
     #   contact/test_traction
     slides = (points.doing >= SLIPS_FORWARD).astype(np.float64)
     slipping = touching_means(of.size, cut.at, cut.values, points.doing, slides)
     slip = touching_means(of.size, cut.at, cut.values, points.doing, points.slip)
     told = Tractions(force, starts, columns, stiffness, t_N, cut.node_gap, cut.node_covered,
-                     np.where(of.searched == 1, mean, 0.0), mobilised, t_T, E_friction, slipping, slip,
+                     np.where(of.searched == 1, mean, 0.0), mobilised, mobilised_at, t_T, E_friction, slipping, slip,
                      int(np.count_nonzero(points.p_N)), int(np.count_nonzero(points.doing >= SLIPS_FORWARD)),
                      spring_energy(cut.values, points))
     return told if bonds is None else _with_ties(surfaces, told, bonds, asked.multipliers)
@@ -197,14 +198,14 @@ class Asked:
     """The arrays of a request, checked.
 
     x, before : (n_s, 2) [m] now and when the history was noted.  multipliers, multipliers_before : (n_m,) [Pa].
-    mobilised : (n_q,) [1], shear over p_N then.
+    history : shear over p_N then.
     """
 
     x: Floats
     multipliers: Floats
     before: Floats
     multipliers_before: Floats
-    mobilised: Floats
+    history: ShearHistory
 
 
 def checked_request(surfaces: RegisteredSurfaces, request: Traction | Coupling) -> Asked:
@@ -216,8 +217,8 @@ def checked_request(surfaces: RegisteredSurfaces, request: Traction | Coupling) 
         raise ValueError(f"multipliers must be <= 0, got {pressing.max()!r} at pair node {pressing.argmax()}")
     before = checked_reals("x_before", request.x_before, (n, 2))
     then = checked_reals("multipliers_before", request.multipliers_before, (n_m,))
-    mobilised = checked_reals("mobilised", request.mobilised, (n_q,))
-    return Asked(checked_reals("x", request.x, (n, 2)), multipliers, before, then, mobilised)
+    history = checked_history(request.mobilised, request.mobilised_at, n_q)
+    return Asked(checked_reals("x", request.x, (n, 2)), multipliers, before, then, history)
 
 
 def evaluated(surfaces: RegisteredSurfaces, request: Traction | Coupling) -> tuple[Asked, Cut, PointStates]:
@@ -227,7 +228,7 @@ def evaluated(surfaces: RegisteredSurfaces, request: Traction | Coupling) -> tup
     is kept, and given again for the same numbers.
     """
     told = [np.asarray(a) for a in (request.x, request.multipliers, request.x_before, request.multipliers_before,
-                                    request.mobilised)]
+                                    request.mobilised, request.mobilised_at)]
     last = surfaces.found.get("evaluated")
     # fault: what was found for another request is given -> if last is not None: | contact/test_coupling
     if last is not None and all(map(np.array_equal, told, last[0])):
@@ -258,9 +259,10 @@ def points_at(surfaces: RegisteredSurfaces, cut: Cut, asked: Asked) -> PointStat
         length, normal = edge_frames(asked.before, edges, surfaces.previous, surfaces.following)
         if not length.min() > 0.0:
             raise ValueError(f"x_before: edge {int(np.argmin(length))} has no length")
-        rub(asked.before, asked.multipliers_before, asked.mobilised, edges, surfaces.previous, surfaces.following,
-            shapes.normals(normal), shapes.rise, cut.shape, cut.met, cut.at, cut.values, p.eps_N[cut.number],
-            surfaces.stiffness, c, points.doing, points.p_N, points.tau, points.heat, points.slip)
+        told = asked.history
+        rub(asked.before, asked.multipliers_before, told.nodes, told.points, told.start, edges, surfaces.previous,
+            surfaces.following, shapes.normals(normal), shapes.rise, cut.shape, cut.met, cut.at, cut.values,
+            p.eps_N[cut.number], surfaces.stiffness, c, points.doing, points.p_N, points.tau, points.heat, points.slip)
     return points
 
 
@@ -281,17 +283,17 @@ def press(values: Floats, c: Floats, doing: Floats, p_N: Floats) -> None:
 
 
 @kernel
-def rub(before: Floats, multipliers_before: Floats, mobilised: Floats, edges: Ints, previous: Ints, following: Ints,
-        normals: Floats, rise: Floats, shape: Ints, met: Ints, at: Ints, values: Floats, stated: Floats,
-        stiffness: Floats, c: Floats, doing: Floats, p_N: Floats, tau: Floats, heat: Floats,
-        slips: Floats) -> None:
+def rub(before: Floats, multipliers_before: Floats, mobilised: Floats, mobilised_at: Floats, start: Ints, edges: Ints,
+        previous: Ints, following: Ints, normals: Floats, rise: Floats, shape: Ints, met: Ints, at: Ints,
+        values: Floats, stated: Floats, stiffness: Floats, c: Floats, doing: Floats, p_N: Floats, tau: Floats,
+        heat: Floats, slips: Floats) -> None:
     """Fill shear tau [Pa], state [1], slip [m] and its heat [J] of touching points, (n_p,) each, and c's part of shear.
 
-    before : (n_s, 2) [m].  multipliers_before : (n_q,) [Pa].  mobilised : (n_q,) [1].  edges : (n_edges, 2).
-    previous, following : (n_edges,).  normals : (k, n_edges, 3, 2) [1], those of `before`, rise : (k, n_edges) [m],
-    and shape : (n_p,) which of them are a point's.  met : (n_p, 2) slave and master edge.  at : (n_p, 4) pair nodes.
-    values : (n_p, 5) xi_s, xi_m [1], gap [m], area, area_m [m2].  stated : (n_p,) [Pa/m], 0: eps_N is that of the two
-    edges in a row, of stiffness : (n_edges,) [Pa/m].
+    before : (n_s, 2) [m].  multipliers_before : (n_q,) [Pa].  mobilised, mobilised_at, start : as of ShearHistory.
+    edges : (n_edges, 2).  previous, following : (n_edges,).  normals : (k, n_edges, 3, 2) [1], those of `before`,
+    rise : (k, n_edges) [m], and shape : (n_p,) which of them are a point's.  met : (n_p, 2) slave and master edge.
+    at : (n_p, 4) pair nodes.  values : (n_p, 5) xi_s, xi_m [1], gap [m], area, area_m [m2].  stated : (n_p,) [Pa/m],
+    0: eps_N is that of the two edges in a row, of stiffness : (n_edges,) [Pa/m].
     c : (n_p, N_CONSTANTS) [Pa, Pa/m, 1] as in contact.piece.  p_N : (n_p,) [Pa].
     tau_before is the mobilised friction of the slave's material point times the pressure it had, by the gap it had.
     """
@@ -302,8 +304,8 @@ def rub(before: Floats, multipliers_before: Floats, mobilised: Floats, edges: In
         a, b = at[i, 0], at[i, 1]
         slip, slip_xi, slip_eta, g, g_xi, faced = slip_since(before, edges, previous, following, normals[shape[i]],
                                                              rise[shape[i]], met[i, 0], xi, met[i, 1], values[i, 1])
-        r_slope, slope = mobilised[b] - mobilised[a], multipliers_before[b] - multipliers_before[a]
-        r = mobilised[a] + xi * r_slope
+        r, r_slope = remembered(mobilised, mobilised_at, start, a, b, xi)
+        slope = multipliers_before[b] - multipliers_before[a]
         g_xi += c[i, OFFSET_2] - c[i, OFFSET_1]
         g += c[i, OFFSET_1] + xi * (c[i, OFFSET_2] - c[i, OFFSET_1])
         eps = stated[i] if stated[i] > 0.0 else in_a_row(stiffness[met[i, 0]], stiffness[faced])
@@ -311,7 +313,7 @@ def rub(before: Floats, multipliers_before: Floats, mobilised: Floats, edges: In
         if not p > 0.0:
             p, p_xi = 0.0, 0.0
         trial = r * p - c[i, EPS_T] * slip
-        c[i, MOBILISED], c[i, TRIAL] = r, trial
+        c[i, TRIAL] = trial
         c[i, TRIAL_XI], c[i, TRIAL_ETA] = r_slope * p + r * p_xi - c[i, EPS_T] * slip_xi, -c[i, EPS_T] * slip_eta
         bound = c[i, MU] * p_N[i]
         tau[i] = trial
@@ -327,38 +329,6 @@ def rub(before: Floats, multipliers_before: Floats, mobilised: Floats, edges: In
             # fault: the spring of sticking makes heat, too -> heat[i] = abs(tau[i] * trial) / c[i, EPS_T] * area |
             #   mechanical_fmu/test_stick_slip
             heat[i] = tau[i] * (trial - tau[i]) / c[i, EPS_T] * area
-
-
-@kernel
-def mobilised_friction(at: Ints, values: Floats, c: Floats, doing: Floats, p_N: Floats, tau: Floats,
-                       before: Floats) -> Floats:
-    """Compute the mobilised friction tau/p_N (n_q,) [1] of slave nodes, 0 where nothing touches.
-
-    at : (n_p, 4) pair nodes, the slave edge's two first.
-    values : (n_p, 5) xi_s, xi_m [1], gap [m], area, area_m [m2].  c : (n_p, N_CONSTANTS) [Pa, Pa/m, 1] as in
-    contact.piece.  doing : (n_p,) state [1].  p_N, tau : (n_p,) [Pa].  before : (n_q,) [1].
-    The mean over what the node touches, weighted by the pressing force: of +-mu where it slips, of what the node had
-    plus the change where it sticks.  Of the change, not of tau/p_N itself: a mean of what was interpolated is smoother
-    than what it came from, and a surface at rest would lose its shear with every step.  No node has more than mu.
-    """
-    n_q = before.size
-    gained, pressed, most = np.zeros(n_q), np.zeros(n_q), np.zeros(n_q)
-    for i in range(at.shape[0]):
-        if not (p_N[i] > 0.0 and c[i, MU] > 0.0):
-            continue
-        for end in range(2):
-            s = at[i, end]
-            weight = values[i, 3] * (values[i, 0] if end == 1 else 1.0 - values[i, 0])
-            had = before[s] if doing[i] >= SLIPS_FORWARD else c[i, MOBILISED]
-            gained[s] += weight * (tau[i] - had * p_N[i])
-            pressed[s] += weight * p_N[i]
-            most[s] = max(most[s], c[i, MU])
-    for s in range(n_q):
-        # fault: shear that is held smears out -> r = 0.9 * before[s] + gained[s] / pressed[s] if pressed[s] > 0.0 else
-        #   0.0 | contact/test_shear_history
-        r = before[s] + gained[s] / pressed[s] if pressed[s] > 0.0 else 0.0
-        gained[s] = min(max(r, -most[s]), most[s])
-    return gained
 
 
 @kernel

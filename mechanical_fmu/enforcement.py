@@ -95,7 +95,20 @@ def contact_history(system: System, balance: ForceBalance, before: History) -> H
     # fault: multipliers forgotten between steps -> return History(np.where(augmented, 0.0, 0.0),
     #   (system.interface.nodes + balance.u)[at], | mechanical_fmu/test_augment
     return History(np.where(augmented, balance.tractions.multipliers, 0.0), (system.interface.nodes + balance.u)[at],
-                   balance.tractions.mobilised)
+                   balance.tractions.mobilised, balance.tractions.mobilised_at)
+
+
+def _as_solved(found: Equilibrium, query: ContactQuery) -> Equilibrium:
+    """Return an equilibrium that remembers the multipliers it was found with, not those a next correction would make.
+
+    A step with the same inputs then begins in equilibrium and stays there.
+    """
+    assert found.balance.tractions is not None
+    # fault: a half at rest goes on to correct its pressures -> used = found.balance.tractions.multipliers |
+    #   mechanical_fmu/test_rest mechanical_fmu/test_augment
+    used = query.multipliers
+    balance = replace(found.balance, tractions=replace(found.balance.tractions, multipliers=used))
+    return replace(found, balance=balance)
 
 
 # Contact by its penalty alone: the pressure is eps_N times the depth, and nothing is left to settle.
@@ -136,7 +149,7 @@ def solve_in_rounds(system: System, loading: Loading, start: ForceBalance, ancho
         changes = _by_kind(system, pressed - query.multipliers, pressed)
         # fault: pressures settle at once -> if settled(changes, 1e3): | mechanical_fmu/test_augment
         if settled(changes, share):
-            return found
+            return _as_solved(found, query)
         query = query.with_multipliers(pressed)
         again = replace(loading, query=query)
         more = solve(system, again, system.balance(found.balance.u, again), anchor, settings)
@@ -144,7 +157,7 @@ def solve_in_rounds(system: System, loading: Loading, start: ForceBalance, ancho
         # fault: settling asked of round-off -> if more.iterations < 0: | mechanical_fmu/test_augment
         if more.iterations == 0:
             # The forces do not feel the change: where bodies just touch, pressures are round-off and never settle.
-            return found
+            return _as_solved(found, query)
     how_much, where = unsettled(system, changes)
     raise NoEquilibriumError(f"the contact pressures do not settle: after {MAX_ROUNDS} rounds they {how_much}; a "
                              f"larger penalty settles sooner, or method: semi_smooth (most on {where})")
@@ -178,14 +191,15 @@ def solve_at_once(system: System, loading: Loading, start: ForceBalance, anchor:
         if float(error.max()) <= settings.tolerance and not gap.any():
             # fault: pressures taken as settled -> if True: | mechanical_fmu/test_semi_smooth
             if settled(changes, share):
-                return Equilibrium(balance, float(error.max()), tuple(history), fresh)
+                return _as_solved(Equilibrium(balance, float(error.max()), tuple(history), fresh), query)
             by_now = np.where(augmented, query.multipliers + sum(change for change, _ in changes), 0.0)
             unfelt = replace(loading, query=query.with_multipliers(by_now))
             again = system.balance(balance.u, unfelt)
             # fault: round-off asked to settle at once -> if False: | mechanical_fmu/test_semi_smooth
             if float(system.error(again, floor).max()) <= settings.tolerance:
                 # The forces do not feel the change: where bodies just touch, pressures are round-off.
-                return Equilibrium(again, float(system.error(again, floor).max()), tuple(history), fresh)
+                left = float(system.error(again, floor).max())
+                return _as_solved(Equilibrium(again, left, tuple(history), fresh), _query(unfelt))
         if len(history) > settings.most:
             break
         old = anchor if poor < MAX_POOR_ITERATIONS else None

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
@@ -37,12 +37,14 @@ class History:
     """The history of contact, which the mechanical state holds.
 
     multipliers : (n_m,) [Pa] of the pair nodes, then x and y of those of ties.  x : (n_s, 2) [m], where the surfaces
-    were then.  mobilised : (n_q,) [1], shear over p_N of slave nodes.
+    were then.  mobilised : (n_q,) [1], shear over p_N of slave nodes, and mobilised_at : (n_h, 3), of the points that
+    touched (Traction).
     """
 
     multipliers: Floats
     x: Floats
     mobilised: Floats
+    mobilised_at: Floats = field(default_factory=lambda: np.empty((0, 3)))
 
 
 class ContactSurfaces:
@@ -103,7 +105,7 @@ class ContactSurfaces:
         """
         at, of_now = self._at_surfaces(x), history.multipliers if multipliers is None else multipliers
         reply = self._ask(link, lambda name: Traction(name, at, of_now, history.x, history.multipliers,
-                                                      history.mobilised))
+                                                      history.mobilised, history.mobilised_at))
         if not isinstance(reply, Tractions):
             raise ContactRefusedError(f"contact does not answer: {_reason(reply)}")
         return reply
@@ -115,7 +117,7 @@ class ContactSurfaces:
         """
         at, of_now = self._at_surfaces(x), history.multipliers if multipliers is None else multipliers
         reply = self._ask(link, lambda name: Coupling(name, at, of_now, history.x, history.multipliers,
-                                                      history.mobilised))
+                                                      history.mobilised, history.mobilised_at))
         if not isinstance(reply, Couplings):
             raise ContactRefusedError(f"contact does not answer: {_reason(reply)}")
         return reply

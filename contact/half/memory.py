@@ -3,7 +3,8 @@
 A half tells it in a text that never changes, its variable `memory.layout`.  The coupler reads the arrays out of the
 bytes of the half's state when a run ends, keeps them with the results, and puts those of a body into `start` of another
 scene's interface.h5, under the same names:
-    u (n_nodes, 2) [m];  multipliers [Pa] and mobilised [1], (n_q,) of the pair nodes;
+    u (n_nodes, 2) [m];  multipliers [Pa] and mobilised [1], (n_q,) of the pair nodes, and mobilised_at (n_h, 3), the
+    friction of points as in contact.shear_history;
     cells.PART.SHAPE.LAWS (n, width), a row a cell of a part, ascending by number;
     as_left (1,), in an interface.h5 alone, where the whole scene begins as one run ended.
 """
@@ -24,7 +25,7 @@ from contact.half.state import StateError, from_bytes
 Floats = NDArray[np.float64]
 
 LAYOUT = "memory.layout"  # the variable of a half
-U, MULTIPLIERS, MOBILISED, CELLS = "u", "multipliers", "mobilised", "cells."
+U, MULTIPLIERS, MOBILISED, MOBILISED_AT, CELLS = "u", "multipliers", "mobilised", "mobilised_at", "cells."
 SIDES, AS_LEFT = "sides", "as_left"
 ELASTIC = "elastic"  # laws that begin so remember nothing that u and T do not say
 SHAPES = ("quads", "triangles")
@@ -57,6 +58,7 @@ class MemoryLayout:
     u: tuple[str, ...]
     multipliers: tuple[str, ...]
     mobilised: tuple[str, ...]
+    mobilised_at: tuple[str, ...]
     cells: tuple[str, ...]
     rows: tuple[CellRows, ...]
 
@@ -92,6 +94,7 @@ def remembered(data: bytes, layout: MemoryLayout, interface: Interface) -> dict[
         sides = [(pairs.index(side.pair), side.own, side.at.start, side.at.stop) for side in interface.pair_sides]
         # Those of ties, behind them, are found anew with the equilibrium.
         out |= {MULTIPLIERS: _array(state, layout.multipliers)[:n_q], MOBILISED: _array(state, layout.mobilised),
+                MOBILISED_AT: _array(state, layout.mobilised_at).reshape(-1, 3),
                 SIDES: np.array(sides, dtype=np.float64)}
     history, at = _array(state, layout.cells).ravel(), 0
     for kind in layout.rows:

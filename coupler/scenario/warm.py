@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from contact.half.interface import Interface, PairSide
-from contact.half.memory import AS_LEFT, CELLS, ELASTIC, MOBILISED, MULTIPLIERS, SIDES, U
+from contact.half.memory import AS_LEFT, CELLS, ELASTIC, MOBILISED, MOBILISED_AT, MULTIPLIERS, SIDES, U
 from contact.problem.mechanical import Elastic
 from coupler.scenario.bodies import FromRun
 from coupler.scenario.document import Document, DocumentErrors, Key
@@ -144,6 +144,7 @@ def _end_of(run: EarlierRun) -> EndOfRun:
     sides = {}
     if SIDES in arrays:
         good = good and arrays[SIDES].shape[1:] == (4,) and arrays.get(MOBILISED, np.empty(0)).size == n_q
+        good = good and arrays.get(MOBILISED_AT, np.empty((0, 3))).shape[1:] == (3,)
         for pair, own, first, last in arrays[SIDES].astype(np.int64).tolist() if good else ():
             good = good and 0 <= pair < len(run.pairs) and 0 <= first <= last <= n_q
             if good:
@@ -170,6 +171,7 @@ def start_arrays(taken: Mapping[str, TakenMechanics], interface: Interface) -> t
     if interface.pairs:
         for name in (MULTIPLIERS, MOBILISED):
             out[name] = np.full(interface.pair_nodes.size, np.nan)
+        out[MOBILISED_AT] = np.empty((0, 3))
     as_left = set(taken) == set(interface.bodies) and all(body.is_end for body in taken.values())
     for pair in interface.pairs:
         sides = [side for side in interface.pair_sides if side.pair == pair.name]
@@ -207,4 +209,13 @@ def _contact_of(pair: str, sides: list[PairSide], owners: list[str], taken: Mapp
     for side in sides:
         for name in (MULTIPLIERS, MOBILISED):
             out[name][side.at] = end.arrays[name][end.sides[pair, side.own]]
+        points, those = end.arrays.get(MOBILISED_AT, np.empty((0, 3))), end.sides[pair, side.own]
+        own = points[(points[:, 0] >= those.start) & (points[:, 0] < those.stop)]
+        shift = float(side.at.start - those.start)
+        out[MOBILISED_AT] = _ascending(np.concatenate([out[MOBILISED_AT], own + np.array([shift, 0.0, 0.0])]))
     return ""
+
+
+def _ascending(points: Floats) -> Floats:
+    """Sort what friction remembers of points, (n_h, 3), by pair node and place."""
+    return np.ascontiguousarray(points[np.lexsort((points[:, 1], points[:, 0]))])

@@ -72,7 +72,8 @@ def ask(register: Register, x: Floats) -> Facing:
 
 
 def push(register: Register, x: Floats, multipliers: Floats | None = None, x_before: Floats | None = None,
-         mobilised: Floats | None = None, multipliers_before: Floats | None = None) -> Tractions:
+         mobilised: Floats | None = None, multipliers_before: Floats | None = None,
+         mobilised_at: Floats | None = None) -> Tractions:
     """Tractions of a scene through the service."""
     service = ContactService()
     registered = service.handle(register)
@@ -82,7 +83,7 @@ def push(register: Register, x: Floats, multipliers: Floats | None = None, x_bef
     given = np.zeros(layout.n_multipliers) if multipliers is None else multipliers
     reply = service.handle(Traction(registered.surfaces, x, given, x if x_before is None else x_before,
                                     given if multipliers_before is None else multipliers_before,
-                                    zeros if mobilised is None else mobilised))
+                                    zeros if mobilised is None else mobilised, mobilised_at))
     assert isinstance(reply, Tractions), reply
     return reply
 

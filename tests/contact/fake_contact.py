@@ -66,7 +66,8 @@ def tractions(request: Traction) -> Tractions:
     n = len(request.x)
     return Tractions(request.x * 3, np.zeros(n + 1, np.int32), np.zeros(0, np.int32), np.zeros((0, 2, 2)),
                      -np.abs(request.multipliers), np.full(n, np.inf), np.zeros(n), request.multipliers,
-                     request.mobilised, request.mobilised, np.zeros(n), np.zeros(n), np.zeros(n), 2, 1, 0.0)
+                     request.mobilised, np.zeros((0, 3)), request.mobilised, np.zeros(n), np.zeros(n), np.zeros(n),
+                     2, 1, 0.0)
 
 
 if __name__ == "__main__":

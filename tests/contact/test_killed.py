@@ -46,17 +46,17 @@ def course(link: Link) -> list[bytes]:
     register = replace(register, passes=passes((0, 1), mu=0.3))
     known = link.ask(register)
     assert isinstance(known, Registered), known
-    before, multipliers, mobilised = x, np.zeros(len(x)), np.zeros(len(x))
+    before, multipliers, mobilised = x, np.zeros(len(x)), (np.zeros(len(x)), np.zeros((0, 3)))
     bits, slipping = [], 0
     for _ in range(5):
         x = before.copy()
         x[:6] += 4e-4, -1e-4
-        reply = link.ask(Traction(known.surfaces, x, multipliers, before, multipliers, mobilised))
+        reply = link.ask(Traction(known.surfaces, x, multipliers, before, multipliers, *mobilised))
         assert isinstance(reply, Tractions), reply
         bits += [v.tobytes() for v in vars(reply).values() if isinstance(v, np.ndarray)]
-        before, multipliers, mobilised = x, reply.multipliers, reply.mobilised
+        before, multipliers, mobilised = x, reply.multipliers, (reply.mobilised, reply.mobilised_at)
         slipping += reply.n_slipping
-    assert multipliers.min() < 0.0 < np.abs(mobilised).max(), "nothing pressed or rubbed: nothing was compared"
+    assert multipliers.min() < 0.0 < np.abs(mobilised[1][:, 2]).max(), "nothing pressed or rubbed: nothing was compared"
     assert slipping
     return bits
 

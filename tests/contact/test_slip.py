@@ -46,15 +46,17 @@ def test_a_turn_of_both_is_no_slip(angle: float, kind: str, form: str, augmented
     multipliers = np.minimum(0.7 * push(register, x).multipliers, 0.0) if augmented else np.zeros(len(x))
     random = np.random.default_rng(1)
     mobilised = np.where(push(register, x, multipliers).multipliers < 0.0, random.uniform(-0.9, 0.9, len(x)) * MU, 0.0)
-    here = push(register, x, multipliers, x, mobilised)
-    there = push(register, turned(x, angle), multipliers, x, mobilised)
+    first = push(register, x, multipliers, x, mobilised)
+    here, there = (push(register, at, multipliers, x, first.mobilised, mobilised_at=first.mobilised_at)
+                   for at in (x, turned(x, angle)))
     p = np.abs(here.t_N).max()
     assert np.abs(here.shear).max() > 0.05 * p
     assert here.n_slipping == there.n_slipping == 0
     np.testing.assert_allclose(there.force, turned(here.force, angle), rtol=0.0, atol=EXACT * np.abs(here.force).max())
     np.testing.assert_allclose(there.t_N, here.t_N, rtol=0.0, atol=EXACT * p)
     np.testing.assert_allclose(there.shear, here.shear, rtol=0.0, atol=EXACT * p)
-    np.testing.assert_allclose(there.mobilised, mobilised, rtol=0.0, atol=EXACT)
+    np.testing.assert_allclose(there.mobilised, first.mobilised, rtol=0.0, atol=EXACT)
+    np.testing.assert_allclose(there.mobilised_at, first.mobilised_at, rtol=0.0, atol=EXACT)
     assert not there.E_friction.any()
 
 
@@ -123,22 +125,26 @@ def test_what_is_told_to_slip_is_the_way_less_what_strains_the_spring(form: str,
         MU * EPS * 1e-3 * abs(slip) * float(np.diff(x[:6, 0]).sum()), rel=0.03, abs=1e-9)
 
 
-def differences(register: Register, x: Floats, multipliers: Floats, before: Floats, mobilised: Floats) -> Floats:
+def differences(register: Register, x: Floats, multipliers: Floats, before: Floats, mobilised: Floats,
+                mobilised_at: Floats | None = None) -> Floats:
     """-d(force)/dx by central differences of fourth order."""
     K, h = np.zeros((x.size, x.size)), 5e-7
     for j in range(x.size):
         d = np.eye(x.size)[j].reshape(x.shape) * h
         for steps, weight in ((1, 8.0), (2, -1.0)):
-            up, down = (push(register, x + s * steps * d, multipliers, before, mobilised).force for s in (1, -1))
+            up, down = (push(register, x + s * steps * d, multipliers, before, mobilised,
+                             mobilised_at=mobilised_at).force for s in (1, -1))
             K[:, j] -= weight * (up - down).ravel() / (12.0 * h)
     return K
 
 
+@pytest.mark.parametrize("remembers", ["nodes", "points"])
 @pytest.mark.parametrize("form", FORMS)
 @pytest.mark.parametrize("axisymmetric", [False, True])
 @pytest.mark.parametrize("state", ["sticks", "slips", "both"])
 @pytest.mark.parametrize("far", [3e-3, 0.3], ids=["near", "over edges"])
-def test_the_stiffness_is_the_derivative(state: str, far: float, axisymmetric: bool, form: str) -> None:
+def test_the_stiffness_is_the_derivative(state: str, far: float, axisymmetric: bool, form: str,
+                                         remembers: str) -> None:
     """Two bent surfaces that overlap and were elsewhere, with an uneven history: in slip too."""
     register, x = flat(3, 4, slide=1.2, gap=-0.02, axisymmetric=axisymmetric)
     x[4:, 0] += 1.0
@@ -155,14 +161,21 @@ def test_the_stiffness_is_the_derivative(state: str, far: float, axisymmetric: b
         return replace(register, passes=passes(*sides, weight=1.0 / len(sides), by_node=by_node, mu=mu))
 
     reply = push(rubbed(1e9), x, multipliers, before, mobilised)
+    at = None
+    if remembers == "points":
+        # Of points that lie elsewhere now, unevenly.
+        at = reply.mobilised_at.copy()
+        at[:, 1] = 0.97 * at[:, 1] + 0.01
+        at[:, 2] = random.uniform(-0.4, 0.4, len(at))
+        reply = push(rubbed(1e9), x, multipliers, before, mobilised, mobilised_at=at)
     on = np.flatnonzero(reply.t_N[:4])
     between = float(np.quantile(np.abs(reply.shear[on] / reply.t_N[on]), 0.6))
     mu = {"sticks": 1e9, "slips": 1e-3, "both": between}[state]
     register = rubbed(mu)
-    reply = push(register, x, multipliers, before, mobilised)
+    reply = push(register, x, multipliers, before, mobilised, mobilised_at=at)
     assert {"sticks": reply.n_slipping == 0, "slips": reply.n_slipping == reply.n_touching,
             "both": 0 < reply.n_slipping < reply.n_touching}[state]
-    K = differences(register, x, multipliers, before, mobilised)
+    K = differences(register, x, multipliers, before, mobilised, at)
     dense = bsr_matrix((reply.blocks, reply.columns, reply.starts), shape=K.shape).toarray()
     assert np.abs(dense - K).max() <= 1e-9 * np.abs(K).max()
 
@@ -193,8 +206,11 @@ def test_what_is_held_at_the_bound_stays_there() -> None:
     assert reply.n_slipping == reply.n_touching
     held = [reply]
     for _ in range(20):
-        held.append(push(register, x, x_before=x, mobilised=held[-1].mobilised))
+        last = held[-1]
+        held.append(push(register, x, x_before=x, mobilised=last.mobilised, mobilised_at=last.mobilised_at))
     np.testing.assert_allclose(held[1].force, reply.force, rtol=0.0, atol=1e-12 * np.abs(reply.force).max())
+    # mu p/p may round once.
+    assert all(h.mobilised_at.tobytes() == held[1].mobilised_at.tobytes() for h in held[2:])
     assert all(h.mobilised.tobytes() == held[1].mobilised.tobytes() for h in held[2:])
     assert not any(h.E_friction.any() for h in held[1:])
 

@@ -113,10 +113,7 @@ def test_a_run_cut_in_two_is_the_uncut_one(beside):
     whole, two = Results(beside / "whole.h5"), solved(beside, after(RIGID_TO_HEAT), "two")
     assert np.ptp(whole.probe("peeq")[1]) > 1e-4
     far = differ(whole, two)
-    # The shear told at the start is that of the nodes' memory, not of the points the step before ended with.
-    assert far.pop("shear") < 0.05
     assert max(far.values()) < 1e-8, far
-    assert differ(whole, two, after=1.0)["shear"] < 1e-8
     notes = " ".join(two.header["notes"])
     assert "body foot starts with the displacements of first.h5 at 5 s, and with what its points remember (plastic): " \
         "the mesh is the same, every value as it was" in notes

@@ -148,11 +148,11 @@ def test_sliding_over_many_segments_has_no_ripple_and_no_chatter() -> None:
     ends = 0.9 - 0.1 * np.arange(segments + 7)
     register, x = scene(block(7, -0.9, -0.3), np.column_stack([ends, np.zeros(ends.size)]))
     register = replace(register, passes=passes((0, 1), mu=mu))
-    mobilised, before, replies = np.zeros(len(x)), x, []
+    mobilised, before, replies = (np.zeros(len(x)), np.zeros((0, 3))), x, []
     while x[7, 0] < 0.9 - step:
         x = before + np.where(np.arange(len(x))[:, None] < 8, [step, 0.0], 0.0)
-        replies.append(push(register, x, x_before=before, mobilised=mobilised))
-        before, mobilised = x, replies[-1].mobilised
+        replies.append(push(register, x, x_before=before, mobilised=mobilised[0], mobilised_at=mobilised[1]))
+        before, mobilised = x, (replies[-1].mobilised, replies[-1].mobilised_at)
     assert x[0, 0] + 0.9 > 0.1 * EXPECTED["C7"]["segments"]
     assert len(replies) > 80
     N, steady = 1e6 * 0.6, replies[1:]  # eps_N = 1e9 Pa/m
