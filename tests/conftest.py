@@ -45,9 +45,9 @@ LONG = {
     ".": """
         docs notebooks""",
     "coupler": """
-        plain_run several broken_halves spare agreement c_halves""",
+        several plain_run spare agreement hosts friction_order c_halves resume""",
     "scenarios": """
-        trusted""",
+        calculix_runs contact_two_way trusted""",
 }
 
 

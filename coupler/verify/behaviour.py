@@ -120,7 +120,7 @@ def restoring_long(bench: Bench, check: str) -> Finding:
         first = list(bench.steps(half, MANY, 2))
         half.restore(token)
         # fault: verify-half: what comes late after a restore is not seen -> for k, (a, b) in enumerate(zip(first[:2],
-        #   bench.steps(half, 2, 2), strict=False), start=2): | coupler/test_plain_run
+        #   bench.steps(half, 2, 2), strict=False), start=2): | coupler/test_broken_halves
         for k, (a, b) in enumerate(zip(first, bench.steps(half, MANY, 2), strict=False), start=2):
             if wrong := differing(a, b):
                 return failed(check, f"after a restore substep {k} gives another {_some(wrong)}",

@@ -85,9 +85,9 @@ def test_a_run_names_it(name: str, built: Built, tmp_path: Path, monkeypatch: py
         solve(built, tmp_path / "run.h5", monkeypatch, **{case.role: built.broken(case)()})
 
 
-# A plain run names the others by the same checks and the same rows (test_plain_run.py); of an FMU of ours this one is
-# found by another row, for it discards what is not finite.
-@pytest.mark.parametrize("name", ["not a number"])
+# A plain run names the others by the same checks and the same rows (test_plain_run.py). An FMU of ours that is not
+# finite discards, which another row finds; one that counts is the example of what shows late.
+@pytest.mark.parametrize("name", ["not a number", "counts its substeps"])
 def test_verify_half_names_it(name: str, built: Built) -> None:
     case = CASES[name]
     built = built.of(case)
