@@ -26,6 +26,7 @@ from coupler.schemes.state import CoupledState, Halves, Solved, Span, Verdict
 from coupler.trust.errors import Looked
 from coupler.trust.instants import Acted
 from coupler.trust.stability import Mended
+from coupler.trust.time_shift import Turning, turning
 
 # Where the next window ends, before it has been solved, and why there.
 
@@ -246,12 +247,15 @@ def _looked(window: _Taken, verdict: Decision, in_one: NDArray[np.float64]) -> t
     memory, seen = spare.after(control.spare, solved.state.now.t, plan.watched(solved.state.now),
                                work.thermal_solves + work.mechanical_solves,
                                error_estimate.gap_closes(window.at.state.now, solved.state.now))
+    # fault: no window is followed for how it shifts the run -> pass | coupler/test_time_shift
+    seen = replace(seen, turning=_turning(window, solved))
     taken = spare.Window(window.at.state, window.span, window.options, window.saved, solved)
     number, level = window.at.control.number, window.options.settings.iteration.level
     if solved.whole is not None and in_one.size:
         kept, whole = (spare.factors(window.at.state, solved, level, plan, kept_in_halves=h) for h in (True, False))
         seen = replace(seen, error=spare.difference(seen.values, in_one, kept),
-                       in_one=spare.difference(seen.values, in_one, whole))
+                       in_one=spare.difference(seen.values, in_one, whole),
+                       shift=spare.shift_of(window.at.state, solved.whole, solved, level, kept_in_halves=True))
     elif spare.can_look(window.halves, window.span) and spare.wanted(
             memory, seen, number, plan, last=finished(Committed(solved.state, control), plan)):
         seen = spare.look(window.halves, taken, plan, seen)
@@ -263,6 +267,13 @@ def _looked(window: _Taken, verdict: Decision, in_one: NDArray[np.float64]) -> t
     if known is not None:
         seen = replace(seen, m=known.m, limit=known.limit, solves=seen.solves + known.solves)
     return replace(control, spare=memory), seen, known
+
+
+def _turning(window: _Taken, solved: Solved) -> Turning | None:
+    """How a window turns the velocity of the temperatures; None where data change, which no shift of time obeys."""
+    if not window.plan.steady_data:
+        return None
+    return turning((solved.state.now, window.at.state.now, *window.at.state.past), solved.scheme.value)
 
 
 def _span(at: Committed, plan: Plan) -> tuple[Span, str]:

@@ -57,6 +57,7 @@ class Plan:
     adaptive : None where windows end as the schedule says; else its bounds are only those that must be met.
     steady : stop once max |dT/dt| stays below this [K/s]; 0: never.  probed : a level -> the values of the probes.
     watched : a level, at which the halves are -> (n,) in SI of what errors are estimated; (0,): of nothing.
+    steady_data : whether no datum and no rule changes with time what acts on the scene.
     mechanical : (n,) which of those the mechanical half makes; (0,): none.  cells : of each body, of the scene's mesh.
     """
 
@@ -74,6 +75,7 @@ class Plan:
     watched: Callable[[Level], NDArray[np.float64]] = lambda level: np.empty(0)
     mechanical: NDArray[np.bool_] = field(default_factory=lambda: np.empty(0, dtype=bool))
     cells: BodyCells = NO_CELLS
+    steady_data: bool = False
 
     @property
     def settings(self) -> Settings:

@@ -22,10 +22,11 @@ from coupler.scenario.options import Scheme, Seen
 from coupler.schemes.accounts import AHEAD, EnergyAccount
 from coupler.schemes.schemes import scheme_of
 from coupler.schemes.state import CoupledState, Halves, Solved, Span
-from coupler.trust import course
+from coupler.trust import course, time_shift
 from coupler.trust.course import Course
 from coupler.trust.errors import Looked
 from coupler.trust.rhythm import MOST_PERIOD
+from coupler.trust.time_shift import Shift
 
 Array = NDArray[np.float64]
 
@@ -226,7 +227,21 @@ def look(halves: Halves, window: Window, plan: Plan, seen: Looked) -> Looked:
     if not found.taken:
         return seen
     factor = factors(window.before, solved, options.settings.iteration.level, plan)
+    seen = replace(seen, shift=shift_of(window.before, solved, found, options.settings.iteration.level))
     return replace(seen, error=difference(seen.values, other, factor))
+
+
+def shift_of(before: CoupledState, whole: Solved, halves: Solved, level: Seen, *,
+             kept_in_halves: bool = False) -> Shift:
+    """Return by how much a window shifts the run, from its two answers.
+
+    before, level, kept_in_halves : as of `factors`.
+    """
+    doubling = error_estimate.doubling_of(before, whole, level)
+    end = (halves if kept_in_halves else whole).state.now
+    apart = halves.state.now.T - whole.state.now.T
+    one, two = (time_shift.shift(before.now, end, f * apart) for f in (doubling.whole, doubling.halves))
+    return Shift(two if kept_in_halves else one, one, 2 if doubling == error_estimate.DOUBLING[2] else 1)
 
 
 def asks_gain(memory: Memory, seen: Looked, number: int, window: Window, plan: Plan) -> bool:

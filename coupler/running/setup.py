@@ -22,6 +22,7 @@ from coupler.fmu.launch import Launched
 from coupler.rules.engine import schemes_of, unfit, wanted
 from coupler.scenario import Scenario
 from coupler.scenario.rule_model import outputs
+from coupler.scenario.timing import varies
 from coupler.schemes.accounts import HEATS, EnergyAccount
 from coupler.schemes.levels import Level
 from coupler.schemes.schedule import schedule
@@ -176,5 +177,8 @@ def plan_of(scenario: Scenario) -> Plan:
     nodes = pair_nodes_of(interface) if c.locate else ()
     branches = branches_of(scenario.models["thermal"], interface.pairs, nodes) if c.locate and c.branches else ()
     locate = Locate(c.locate, c.event_tolerance, nodes, branches)
+    steady_data = not (c.kinks or varies(scenario.models["thermal"]) or varies(scenario.models["mechanical"])
+                       or any(rule.changes_loads for rule in scenario.rules))
     return Plan(schedule(c.end, c.windows, c.kinks, c.bends), c.scheme, c.substeps, c.iteration, c.adaptive, locate,
-                c.on_cycle, c.on_unstable, c.steady, scenario.rules, cells=body_cells(interface))
+                c.on_cycle, c.on_unstable, c.steady, scenario.rules, cells=body_cells(interface),
+                steady_data=steady_data)

@@ -155,6 +155,11 @@ class Rule:
     cooldown: int = 0
 
     @property
+    def changes_loads(self) -> bool:
+        """Whether it changes an input of a half."""
+        return self.drive is not None or any(isinstance(a, Give) for a in self.do)
+
+    @property
     def monitors(self) -> frozenset[str]:
         """All it looks at."""
         own = {test.monitor for test in self.when}

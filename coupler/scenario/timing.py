@@ -88,6 +88,16 @@ def kinks_in(model: Any) -> Iterator[float]:
             yield from (b["until"] for b in part.get("boundary", ()) if isinstance(b.get("until"), float))
 
 
+def varies(model: Any) -> bool:
+    """Whether any signal in a model changes with time."""
+    if isinstance(model, Mapping):
+        # fault: data that change with time are taken for constant -> if False: | coupler/test_time_shift
+        if "t" in model and "value" in model and len(model["t"]) > 1:
+            return min(model["value"]) < max(model["value"])
+        return any(varies(inner) for inner in model.values())
+    return isinstance(model, list) and any(varies(inner) for inner in model)
+
+
 def jumps_in(model: Any) -> Iterator[float]:
     """Times [s] at which a signal anywhere in a model has two values."""
     for times in _tables_in(model):

@@ -18,7 +18,8 @@ obeys the same linear equation as the velocity of the probes itself (differentia
 equation; Hairer, Norsett & Wanner, Solving Ordinary Differential Equations I, chapter I.14), so it dies out as that
 does: by the ratio of the velocities at the end and at the start of a window, all probes together, and by no more than
 `PATIENCE` windows allow, for a velocity also turns round.  Past a kink of the data nothing is forgotten, and nothing is
-taken to grow.  What is told is the largest error at a time.
+taken to grow but what is a shift of time, which stays (coupler.trust.time_shift).  What is told is the largest error at
+a time, by either.
 """
 
 from __future__ import annotations
@@ -30,7 +31,9 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from coupler.trust import time_shift
 from coupler.trust.checks import Check, TrustVerdict, amount, measured
+from coupler.trust.time_shift import Shift, ShiftLog, Turning
 
 Array = NDArray[np.float64]
 
@@ -75,6 +78,8 @@ class Looked:
     looked at.  in_one : what it did wrong solved in one, as windows are that are not looked at; the same as error
     where that is what was kept.  solves : of either half that this cost beyond the run's own.
     switch : whether contact closes or opens in it, or did in the one before.
+    turning, shift : of the temperatures, and by how much the window shifts the run (coupler.trust.time_shift); None:
+    they shift nothing.
     m : what the window makes of a disturbance; nan: not measured.  limit [s] : the longest window that is stable.
     """
 
@@ -84,6 +89,8 @@ class Looked:
     in_one: Array = field(default_factory=_empty)
     solves: int = 0
     switch: bool = False
+    turning: Turning | None = None
+    shift: Shift | None = None
     m: float = math.nan
     limit: float = math.inf
 
@@ -100,7 +107,7 @@ class ErrorLog:
     of before.  jumps : what is left of the errors of such in which a probe jumped.
     at_switch : (n, 2) errors and bends of either that were looked at, milder : of those that erred by no more than MOST
     of what they bent.
-    curve [1/s2]: |v''| of the last window that is at no switch.
+    curve [1/s2]: |v''| of the last window that is at no switch.  shifts : what shifts the run in time.
     windows : of which `looked` were looked at, for `solves` solver calls; worst : the largest error, of a probe's range
     then, in the window to t [s].
     """
@@ -122,6 +129,7 @@ class ErrorLog:
     milder: Array = field(default_factory=_empty)
     jumps: Array = field(default_factory=_empty)
     curve: Array = field(default_factory=_empty)
+    shifts: ShiftLog = field(default_factory=ShiftLog)
     windows: int = 0
     looked: int = 0
     solves: int = 0
@@ -134,7 +142,8 @@ def begun(values: Array, t: float = 0.0) -> ErrorLog:
     values, none = np.where(np.isfinite(values), values, 0.0), np.zeros(len(values))
     classes = np.zeros((len(values), CLASSES))
     return ErrorLog(values, values, np.abs(values), values, t, none, none, none, classes, classes, classes, classes,
-                    none, np.zeros((len(values), 2)), np.zeros((len(values), 2)), none)
+                    none, np.zeros((len(values), 2)), np.zeros((len(values), 2)), none,
+                    shifts=time_shift.begun(values, t))
 
 
 def watched(log: ErrorLog, seen: Looked, t: float, *, fresh: bool = False) -> ErrorLog:
@@ -147,7 +156,8 @@ def watched(log: ErrorLog, seen: Looked, t: float, *, fresh: bool = False) -> Er
     apart = _jumps(log, seen.second, H, fresh) | seen.switch
     log = _looked_at(log, seen, t, bend, apart) if seen.error.size else _to_carry_on(log, seen, H, bend, apart)
     curve = log.curve if seen.switch and log.curve.size else seen.second / H**2
-    return replace(log, told=np.maximum(log.told, _now(log)), curve=curve)
+    shifts = time_shift.watched(log.shifts, t, log.values, seen.turning, seen.shift, seen.switch)
+    return replace(log, told=np.maximum(log.told, _now(log)), curve=curve, shifts=shifts)
 
 
 def _looked_at(log: ErrorLog, seen: Looked, t: float, bend: Array, apart: NDArray[np.bool_]) -> ErrorLog:
@@ -225,7 +235,8 @@ def _added(sums: Array, values: Array, second: Array) -> Array:
 
 def estimated(log: ErrorLog) -> Array:
     """Return the estimated error of each probe, the largest over the run, (n,) in SI."""
-    return log.told
+    # fault: what does not die out is told as if it did -> return log.told | coupler/test_time_shift
+    return np.maximum(log.told, time_shift.estimated(log.shifts)) if log.shifts.t.size else log.told
 
 
 def _now(log: ErrorLog) -> Array:
