@@ -28,6 +28,7 @@ from coupler.trust import (
     passing,
     penetration,
     rhythm,
+    skipped,
     solved,
     stability,
     stored,
@@ -70,6 +71,7 @@ class TrustLog:
     solved: solved.SolvedLog = field(default_factory=solved.SolvedLog)
     motion: motion.MotionLog = field(default_factory=motion.MotionLog)
     instants: instants.InstantLog = field(default_factory=instants.InstantLog)
+    skipped: skipped.SkippedLog = field(default_factory=skipped.SkippedLog)
     windows: int = 0
     forced: int = 0
     forced_t: float = 0.0
@@ -101,6 +103,7 @@ class TrustWatch:
         self._tables = tables.MaterialTables(interface, models)
         self._stored = stored.StoredHeat(interface, models["thermal"], "thermal" in self._own_meshes,
                                          ignored)
+        self._placed = skipped.PlacedData(interface, models["thermal"])
         self._motion = motion.Motion(models["mechanical"], interface, substeps)
         self._prescribed = models["mechanical"].get("half") == "rigid"
         self._inside = np.flatnonzero(interface.node_body >= 0)
@@ -141,7 +144,7 @@ class TrustWatch:
             rhythm=rhythm.watched(log.rhythm, levels, warmth.most - warmth.least, self.means(now), fresh),
             passing=self._sides.watched(log.passing, before, now),
             penetration=self._yields.watched(log.penetration, now),
-            facets=self._facets.watched(log.facets, now),
+            facets=self._facets.watched(log.facets, now), skipped=self._placed.watched(log.skipped, before, now),
             carried=carried.watched(log.carried, monitors.get(f"thermal.{OFF_MESH}"), now.t),
             shapes=carried.watched(log.shapes, shape_off, now.t, 0.0 if shape_off is None else self._deformed(now)),
             across=across.watched(log.across, monitors.get(f"thermal.{ACROSS}"), now.t),
@@ -206,6 +209,7 @@ class TrustWatch:
             *(() if self._prescribed else facets.checks(log.facets, self._facets)),
             *equilibrium.checks(log.equilibrium),
             *self._motion.checks(log.motion),
+            *self._placed.checks(log.skipped),
             measured("heat balance", off, BALANCE,
                      what=f"a fraction of {off:.2g} of the heat moved is not accounted for",
                      remedy="Use a smaller thermal.tolerance"),
