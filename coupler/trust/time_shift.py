@@ -73,13 +73,16 @@ def turning(levels: Sequence[Level], scheme: str = "") -> Turning | None:
     # fault: what solvers leave moves -> if not speed > 0.0: | coupler/test_time_shift
     if not speed * H > SOLVED * float(np.linalg.norm(levels[0].T)):
         return None
+    # A front of freezing or melting passes nodes all the time, each at a window of its own.
+    # fault: what freezes shifts the run -> front = False | coupler/test_time_shift
+    front = any(level.f_s is not None and bool(((level.f_s > 0.0) & (level.f_s < 1.0)).any()) for level in levels[:2])
     if len(V) < 2:
-        return Turning(TURN, scheme=scheme)
+        return Turning(TURN, front, scheme)
     by = float(np.linalg.norm(V[0] - V[1]))
     before = float(np.linalg.norm(V[1] - V[2])) / (levels[1].t - levels[2].t) if len(V) > 2 else np.inf
     # fault: a front that passes a node shifts the run -> return Turning(min(by / speed, TURN), scheme=scheme) |
     #   coupler/test_time_shift
-    return Turning(min(by / speed, TURN), bool(by / H > JUMP * before), scheme)
+    return Turning(min(by / speed, TURN), front or bool(by / H > JUMP * before), scheme)
 
 
 def shift(start: Level, end: Level, error: Array) -> float:

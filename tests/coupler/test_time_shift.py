@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import math
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -60,6 +61,13 @@ def test_a_front_that_passes_a_node_jumps():
     T = [0.0, 1.0, 2.01, 3.03, 4.55]
     assert time_shift.turning([at(float(k), T[k]) for k in (4, 3, 2, 1)]).jumps
     assert not time_shift.turning([at(float(k), T[k]) for k in (3, 2, 1, 0)]).jumps
+
+
+@pytest.mark.parametrize(("f_s", "jumps"), [((1.0, 0.0), False), ((1.0, 0.3), True)])
+def test_a_front_of_freezing_passes_nodes_all_the_time(f_s, jumps):
+    levels = [replace(at(t, t, 2.0 * t), f_s=np.array(f_s)) for t in (3.0, 2.0, 1.0, 0.0)]
+    assert time_shift.turning(levels).jumps is jumps
+    assert time_shift.turning(levels[:2]).jumps is jumps
 
 
 # All windows
