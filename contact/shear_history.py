@@ -82,24 +82,3 @@ def noted(at: Ints, values: Floats, mu: Floats, p_N: Floats, tau: Floats) -> Flo
     rubs = np.flatnonzero((p_N > 0.0) & (mu > 0.0))
     rubs = rubs[np.lexsort((values[rubs, 0], at[rubs, 0]))]
     return np.column_stack([at[rubs, 0].astype(np.float64), values[rubs, 0], tau[rubs] / p_N[rubs]])
-
-
-@kernel
-def nodal_friction(n_q: int, at: Ints, values: Floats, mu: Floats, p_N: Floats, tau: Floats) -> Floats:
-    """Compute the mobilised friction tau/p_N (n_q,) [1] of slave nodes, 0 where nothing touches.
-
-    The mean over what the node touches, weighted by the pressing force.  at : (n_p, 4) pair nodes, the slave edge's two
-    first.  values : (n_p, 5) xi_s, xi_m [1], gap [m], area, area_m [m2].  mu : (n_p,) [1].  p_N, tau : (n_p,) [Pa].
-    """
-    dragged, pressed = np.zeros(n_q), np.zeros(n_q)
-    for i in range(at.shape[0]):
-        if not (p_N[i] > 0.0 and mu[i] > 0.0):
-            continue
-        for end in range(2):
-            s = at[i, end]
-            weight = values[i, 3] * (values[i, 0] if end == 1 else 1.0 - values[i, 0])
-            dragged[s] += weight * tau[i]
-            pressed[s] += weight * p_N[i]
-    for s in range(n_q):
-        dragged[s] = dragged[s] / pressed[s] if pressed[s] > 0.0 else 0.0
-    return dragged

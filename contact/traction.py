@@ -43,7 +43,7 @@ from contact.piece import (
     piece_stiffness,
 )
 from contact.search import GAUSS, feet
-from contact.shear_history import ShearHistory, checked_history, nodal_friction, noted, remembered
+from contact.shear_history import ShearHistory, checked_history, noted, remembered
 from contact.slip import slip_since
 from contact.surfaces import CORNER_COS, Frame, RegisteredSurfaces, checked_reals, edge_frames, frame_of
 from contact.tied import Bonds, bonds_at, ties_of
@@ -156,9 +156,10 @@ def traction(surfaces: RegisteredSurfaces, request: Traction) -> Tractions:
     mean, drag, E_friction, faced = nodal_means(of.size, cut.at, cut.values, points.p_N, points.tau, points.heat)
     t_N, t_T = at_slivers(mean, drag, faced, cut.node_covered, of.searched, of.sides, surfaces.start, of.place)
     t_N = on_masters(t_N, of.searched, cut.at, cut.values)
-    mu = points.c[:, MU]
-    mobilised = nodal_friction(of.size, cut.at, cut.values, mu, points.p_N, points.tau)
-    mobilised_at = noted(cut.at, cut.values, mu, points.p_N, points.tau)
+    pressed, dragged = (touching_means(of.size, cut.at, cut.values, points.doing, told)
+                        for told in (points.p_N, points.tau))
+    mobilised = np.divide(dragged, pressed, out=np.zeros(of.size), where=pressed > 0.0)
+    mobilised_at = noted(cut.at, cut.values, points.c[:, MU], points.p_N, points.tau)
     # fault: what sticks is told as slipping -> slides = (points.doing >= STICKS).astype(np.float64) |
     #   contact/test_traction
     slides = (points.doing >= SLIPS_FORWARD).astype(np.float64)
