@@ -6,6 +6,7 @@ The wrapper of a Python FMU brings neither Python nor packages: whoever loads it
 from __future__ import annotations
 
 import functools
+import os
 import re
 import sys
 from collections.abc import Collection, Mapping
@@ -44,9 +45,27 @@ def origin_of(package: str) -> Origin:
     return Origin(found[0], about["Version"], "" if told in UNNAMED else " ".join(told.split())[:80])
 
 
-@functools.cache
+def places() -> tuple[tuple[str, int], ...]:
+    """Return the folders of sys.path, and when a package was last put into each or taken from it [ns]."""
+    return tuple((place, _changed(place)) for place in sys.path)
+
+
+def _changed(place: str) -> int:
+    try:
+        # fault: a half that is installed while the program runs stays unknown -> return 0 | coupler/test_halves
+        return os.stat(place or os.curdir).st_mtime_ns
+    except OSError:
+        return 0
+
+
 def installed() -> Mapping[str, list[str]]:
     """Return the distributions that bring an import package, as importlib.metadata.packages_distributions does."""
+    return _installed(places())
+
+
+@functools.lru_cache(maxsize=1)
+def _installed(known: tuple[tuple[str, int], ...]) -> Mapping[str, list[str]]:
+    """The distributions that are found in places as they are now: 0.1 s, a quarter of a build."""
     found: dict[str, list[str]] = {}
     for distribution in distributions():
         top = (distribution.read_text("top_level.txt") or "").split()

@@ -18,7 +18,11 @@ import traceback
 from importlib import import_module
 from typing import Any
 
+from contact.half.papers import installed
+
 IDLE = 10.0  # s without a build, after which it ends
+# Half of what a build costs that needs it, and most scenes do not: imported here once a build did.
+SOMETIMES = ("scipy.interpolate",)
 
 
 def main() -> None:
@@ -28,14 +32,16 @@ def main() -> None:
     interpret()  # as builders do
     woken, wake = os.pipe()
     os.set_blocking(wake, False)
+    told, tell = os.pipe()
     signal.set_wakeup_fd(wake)
     signal.signal(signal.SIGCHLD, lambda number, frame: None)
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # whoever asked for a build says when it is to end
     running: dict[int, int] = {}  # process -> build
-    rest = b""
+    rest, late = b"", set[str]()
     with selectors.DefaultSelector() as selector:
         selector.register(0, selectors.EVENT_READ)
         selector.register(woken, selectors.EVENT_READ)
+        selector.register(told, selectors.EVENT_READ)
         while True:
             ready = selector.select(None if running else IDLE)
             if not ready and not running:
@@ -44,6 +50,9 @@ def main() -> None:
                 data = os.read(key.fd, 1 << 16)
                 if key.fd == woken:
                     _tell_ended(running)
+                    continue
+                if key.fd == told:
+                    late.update(data.decode().split())
                     continue
                 if not data:
                     for pid in running:
@@ -55,7 +64,15 @@ def main() -> None:
                     if "modules" in asked:
                         _load(asked["modules"])
                     else:
-                        running[_begin(asked)] = asked["id"]
+                        running[_begin(asked, tell)] = asked["id"]
+            if not running:  # nobody waits for this
+                # fault: what many builds need is imported by each -> late.clear() | coupler/test_builders
+                _import(late)
+
+
+def _import(late: set[str]) -> None:
+    while late:
+        import_module(late.pop())
 
 
 def _load(modules: list[str]) -> None:
@@ -64,10 +81,12 @@ def _load(modules: list[str]) -> None:
         loads = getattr(import_module(name), "LOADS", {})
         for load in {loads} if isinstance(loads, str) else loads.values():
             import_module(load.partition(":")[0])
+    import_module("skfem")  # which every half with a mesh needs
+    installed()
 
 
-def _begin(asked: dict[str, Any]) -> int:
-    """Begin a build in a process of its own; return that."""
+def _begin(asked: dict[str, Any], tell: int) -> int:
+    """Begin a build in a process of its own; return that.  tell : to be told what the next builds may need, too."""
     if pid := os.fork():
         return pid
     code = 1
@@ -89,6 +108,7 @@ def _begin(asked: dict[str, Any]) -> int:
     except BaseException:  # noqa: BLE001  the process border: a bug is told by the log
         traceback.print_exc()
     finally:
+        os.write(tell, "".join(f"{name}\n" for name in SOMETIMES if name in sys.modules).encode())
         sys.stdout.flush()
         sys.stderr.flush()
         os._exit(code)

@@ -14,7 +14,6 @@ import io
 import os
 import secrets
 import shutil
-import sys
 import tempfile
 import time
 import zipfile
@@ -31,6 +30,7 @@ from typing import TYPE_CHECKING, Any
 from contact.half.build import content_hash, package_directory
 from contact.half.entry import sources_hash
 from contact.half.model import load_directory
+from contact.half.papers import places
 from coupler.errors import HalfError, ScenarioError
 from coupler.fmu.bind import bind
 from coupler.fmu.builders import run_builder
@@ -55,22 +55,13 @@ VERDICTS = "verdicts"  # the folder in the cache of what was found of halves (co
 
 def known_halves() -> dict[str, EntryPoint]:
     """The kinds of halves that are installed."""
-    return dict(_installed(tuple((place, _changed(place)) for place in sys.path)))
+    return dict(_installed(places()))
 
 
 @lru_cache(maxsize=4)
-def _installed(places: tuple[tuple[str, int], ...]) -> dict[str, EntryPoint]:
+def _installed(known: tuple[tuple[str, int], ...]) -> dict[str, EntryPoint]:
     """The kinds that are found in places as they are now: 8 ms for all that is installed, 20 times a run."""
     return {point.name: point for point in entry_points(group=GROUP)}
-
-
-def _changed(place: str) -> int:
-    """When a package was last put into a folder of sys.path, or taken from it [ns]."""
-    try:
-        # fault: a half that is installed while the program runs stays unknown -> return 0 | coupler/test_halves
-        return os.stat(place or os.curdir).st_mtime_ns
-    except OSError:
-        return 0
 
 
 def build_half(kind: str, directory: Path, cache: Path | None = None, fmi: int = 2) -> Path:

@@ -85,3 +85,21 @@ def test_it_ends_when_nothing_is_asked(rigid, tmp_path, monkeypatch):
     build(rigid, tmp_path / "1.fmu")
     (server,) = builders._servers
     assert server._process.wait(30.0) == 0
+
+
+def test_what_a_build_had_to_import_the_next_ones_have(tmp_path):
+    """A table of a property: its class takes half of the time of a build to import."""
+    def has_it(server: builders._Server) -> bool:
+        return any("scipy/interpolate/" in m.path for m in psutil.Process(server._process.pid).memory_maps())
+
+    plain, table = tmp_path / "plain", tmp_path / "table"
+    load_scenario(BARS).write_half("thermal", plain)
+    load_scenario(BARS, {"materials.steel.k": {"T": [300, 900], "value": [40, 20]}}).write_half("thermal", table)
+    for folder, found in ((plain, False), (table, True)):
+        out = tmp_path / f"{folder.name}.fmu"
+        run_builder("thermal", "thermal_fmu.build", [str(folder), str(out)], out, ("here", ["thermal_fmu.build"]))
+        (server,) = builders._servers
+        until = time.monotonic() + (20.0 if found else 1.0)
+        while not has_it(server) and time.monotonic() < until:
+            time.sleep(0.05)
+        assert has_it(server) == found
