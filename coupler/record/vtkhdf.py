@@ -24,6 +24,7 @@ VTK_TRIANGLE, VTK_QUAD = 5, 9
 # fault: field files have no checksums -> CHECKED: dict[str, Any] = {} |
 #   coupler/test_damaged_results::test_a_field_file_that_was_damaged_is_refused
 CHECKED: dict[str, Any] = {"fletcher32": True}
+HELD = 4 << 20  # bytes of frames that are written at once
 Array = NDArray[np.float64]
 
 
@@ -81,14 +82,17 @@ class FieldFile:
         for name, value in (("NumberOfPoints", n_points), ("NumberOfCells", self._n_cells),
                             ("NumberOfConnectivityIds", connectivity.size)):
             put(root, name, np.array([value], dtype=np.int64))
-        root.create_dataset("Points", (0, 3), maxshape=(None, 3), dtype="f8", chunks=(max(n_points, 1), 3), **CHECKED)
+        self._place = root.create_dataset("Points", (0, 3), maxshape=(None, 3), dtype="f8",
+                                          chunks=(max(n_points, 1), 3), **CHECKED)
         self._points = {f.name: _growing(root.require_group("PointData"), f, n_points) for f in point_fields}
         cells = root.require_group("CellData")
         for n, v in cell_constants.items():
             put(cells, n, v)
         self._cells = {f.name: _growing(cells, f, self._n_cells) for f in cell_fields}
         self._steps = self._prepare_steps(root)
-        self._root = root
+        self._times: list[float] = []
+        self._held: dict[h5py.Dataset, list[Array]] = {}
+        self._bytes = 0
 
     def _prepare_steps(self, root: h5py.Group) -> h5py.Group:
         steps = root.create_group("Steps")
@@ -112,27 +116,45 @@ class FieldFile:
         cell_data : (n_cells,) or (n_cells, k) each by name, quads first, in the unit of its field.
         Names that are no field of the file are left out.
         """
-        k = int(self._steps.attrs["NSteps"])
-        _extend(self._root["Points"], np.column_stack([points, np.zeros(len(points))]))
-        for name, data in self._points.items():
-            _extend(data, _in_space(point_data[name]))
-        for name, data in self._cells.items():
-            _extend(data, _in_space(cell_data[name]))
-        _extend(self._steps["Values"], np.array([t]))
-        for name, offset in (("PartOffsets", 0), ("NumberOfParts", 1), ("PointOffsets", k * self._n_points)):
-            _extend(self._steps[name], np.array([offset]))
+        self._times.append(t)
+        self._hold(self._place, np.column_stack([points, np.zeros(len(points))]))
+        for fields, given in ((self._points, point_data), (self._cells, cell_data)):
+            for name, data in fields.items():
+                self._hold(data, _in_space(given[name]))
+        if self._bytes > HELD:
+            self._write()
+
+    def _hold(self, data: h5py.Dataset, rows: Array) -> None:
+        self._held.setdefault(data, []).append(rows)
+        self._bytes += rows.nbytes
+
+    def _write(self) -> None:
+        """Write the frames that are held: many at once, as each call of HDF5 costs what a small frame does."""
+        for data, rows in self._held.items():
+            _extend(data, np.concatenate(rows))
+        k, n = int(self._steps.attrs["NSteps"]), len(self._times)
+        frames = np.arange(k, k + n)
+        _extend(self._steps["Values"], np.array(self._times))
+        for name, offsets in (("PartOffsets", 0 * frames), ("NumberOfParts", np.ones_like(frames)),
+                              ("PointOffsets", frames * self._n_points)):
+            _extend(self._steps[name], offsets)
         for name in ("CellOffsets", "ConnectivityIdOffsets"):
-            _extend(self._steps[name], np.array([[0]]))
+            _extend(self._steps[name], np.zeros((n, 1), dtype=np.int64))
         for name in self._points:
-            _extend(self._steps["PointDataOffsets"][name], np.array([k * self._n_points]))
+            _extend(self._steps["PointDataOffsets"][name], frames * self._n_points)
         for name in self._cells:
-            _extend(self._steps["CellDataOffsets"][name], np.array([k * self._n_cells]))
+            _extend(self._steps["CellDataOffsets"][name], frames * self._n_cells)
         for name in self._constants:
-            _extend(self._steps["CellDataOffsets"][name], np.array([0]))
-        self._steps.attrs["NSteps"] = np.int64(k + 1)
+            _extend(self._steps["CellDataOffsets"][name], 0 * frames)
+        self._steps.attrs["NSteps"] = np.int64(k + n)
+        self._times, self._held, self._bytes = [], {}, 0
 
     def close(self) -> None:
-        self._file.close()
+        try:
+            if self._times:
+                self._write()
+        finally:
+            self._file.close()
 
     def __enter__(self) -> FieldFile:
         return self
