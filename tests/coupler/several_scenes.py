@@ -54,7 +54,7 @@ mechanical:
 coupling:
   scheme: extrapolated
   end: 80
-  windows: [{until: 80, size: 4}]
+  windows: [{until: 80, size: 8}]
 probes:
   upper.T: {T: upper.bottom.centre}
 output: {fields: {every: 1}}

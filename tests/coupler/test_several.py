@@ -22,7 +22,7 @@ sys.path.insert(0, str(Path(__file__).parent))
 from killed_runs import differences
 from several_scenes import BLOCKS, SCENARIOS, THREE, TWO, apart, blocks, ran
 
-SHORT = {"coupling.end": 24, "coupling.windows": [{"until": 24, "size": 4}], "output.checkpoint": 0}
+SHORT = {"coupling.end": 20, "coupling.windows": [{"until": 20, "size": 5}], "output.checkpoint": 0}
 SAME_T, SAME_HEAT = 1e-6, 1e-9  # K at the default tolerance of 1e-7 K; of the largest term
 
 
@@ -72,14 +72,14 @@ def test_several_halves_are_one(file: Path, alone, tmp_path: Path, halves, schem
 
 @pytest.mark.parametrize("method", [pytest.param("backward_euler", marks=pytest.mark.slow), "sdirk2", "steady"])
 def test_with_every_method_in_time(file: Path, tmp_path: Path, method: str) -> None:
-    changes = {"thermal.method": method, "coupling.end": 60, "coupling.windows": [{"until": 60, "size": 5}]}
+    changes = {"thermal.method": method, "coupling.end": 60, "coupling.windows": [{"until": 60, "size": 10}]}
     one = ran(file, tmp_path / "one.h5", changes)
     same(one, ran(file, tmp_path / "several.h5", changes | {"thermal.halves": THREE}), 1e4)
 
 
 def test_windows_that_find_their_own_size(file: Path, tmp_path: Path) -> None:
-    text = BLOCKS.replace("  windows: [{until: 80, size: 4}]\n", "").replace("every: 1", "at: [20, 60]")
-    own = blocks(tmp_path, text)
+    text = BLOCKS.replace("  windows: [{until: 80, size: 8}]\n", "").replace("every: 1", "at: [20, 50]")
+    own = blocks(tmp_path, text.replace("end: 80", "end: 50"))
     one, several = (ran(own, tmp_path / f"{name}.h5", changes) for name, changes in (
         ("one", {}), ("several", {"thermal.halves": THREE})))
     assert len(one.t) == len(several.t)
@@ -180,7 +180,7 @@ def test_in_processes_they_give_the_same_bits(file: Path, whole: Path, tmp_path:
 def test_a_run_that_stopped_goes_on_to_the_same_bits(file: Path, whole: Path, tmp_path: Path, processes: bool) -> None:
     out = tmp_path / "run.h5"
     scene = load_scenario(file, SHORT | {"thermal.halves": TWO})
-    assert run(scene, out, until=12.0).outcome == "stopped"
+    assert run(scene, out, until=10.0).outcome == "stopped"
     assert resume(out, processes=processes).outcome == "completed"
     assert differences(whole, out) == []
 
@@ -189,7 +189,7 @@ def test_one_that_dies_is_named_and_the_run_goes_on(file: Path, whole: Path, tmp
     out = tmp_path / "run.h5"
 
     def kill(progress: Progress) -> None:
-        if progress.number == 3:
+        if progress.number == 2:
             os.kill(_child_of(os.getpid(), "thermal.b"), signal.SIGKILL)
 
     with pytest.raises(HalfError) as died:
@@ -201,7 +201,7 @@ def test_one_that_dies_is_named_and_the_run_goes_on(file: Path, whole: Path, tmp
 
 def test_one_that_dies_is_started_anew_where_that_is_allowed(file: Path, whole: Path, tmp_path: Path) -> None:
     def kill(progress: Progress) -> None:
-        if progress.number == 3:
+        if progress.number == 2:
             os.kill(_child_of(os.getpid(), "thermal.b"), signal.SIGKILL)
 
     out = tmp_path / "run.h5"
