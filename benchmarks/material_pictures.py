@@ -37,7 +37,7 @@ def pulled(spec: dict[str, Any], axial: Floats, t: Floats, T: Floats | None = No
     for k, strain in enumerate(axial):
         now = np.array([300.0 if T is None else T[k]])
         found = moduli((material,), np.zeros(1, np.intp), now)
-        kappa, e_th, dt = found.kappa[0], found.e_th[0], t[k] - (t[k - 1] if k else 0.0)
+        kappa, e_th, dt = found.kappa[0], found.e_th[0, 0], t[k] - (t[k - 1] if k else 0.0)
         E[0] = strain
         for _ in range(40):
             S, D, after = np.empty(4), np.empty((4, 4)), np.empty_like(h)

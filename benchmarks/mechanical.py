@@ -56,7 +56,7 @@ def steel(n_e: int) -> Moduli:
     p = np.zeros(n_e, POINT)
     p["shear_modulus"], p["yield_stress"], p["hardening_modulus"] = MU, 250e6, 2e9
     p["solid_fraction"], p["plastic_heat"] = 1.0, 0.9
-    return Moduli(np.full(n_e, MU), np.full(n_e, KAPPA), np.zeros(n_e), p)
+    return Moduli(np.full(n_e, MU), np.full(n_e, KAPPA), np.zeros((n_e, 1)), p)
 
 
 def best(run: Callable[[], object], repeats: int) -> float:

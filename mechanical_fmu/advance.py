@@ -97,7 +97,7 @@ def expected_change(system: System, solved: StepDrive, now: StepDrive, u: Floats
     strain = np.zeros(len(L))
     for cells, before, after in zip(system.volume.kinds, system.moduli(solved.T), system.moduli(now.T), strict=True):
         softer = np.abs(after.mu - before.mu) / before.mu
-        change = np.abs(after.e_th - before.e_th) / 3.0 + softer * largest / L[cells.body]
+        change = np.abs(after.e_th - before.e_th).max(axis=1) / 3.0 + softer * largest / L[cells.body]
         np.maximum.at(strain, cells.body, change)
         np.minimum.at(E, cells.body, 9.0 * after.kappa * after.mu / (3.0 * after.kappa + after.mu))
     forces = _change_of_forces(system, solved, now, u)

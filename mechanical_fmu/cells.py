@@ -90,6 +90,11 @@ class Cells:
         return CellShapes(self.nodes, B, N_over_R, self.weight, self.volume, self.n_modes)
 
 
+def at_points(cells: Cells, nodal: Floats) -> Floats:
+    """Interpolate nodal : (n_nodes,), any unit, to the points of the cells: (n_e, nq)."""
+    return np.asarray(nodal[cells.nodes] @ cells.N.T)
+
+
 def cells_of(interface: Interface, treatments: tuple[Treatment, ...] | None = None) -> tuple[Cells, ...]:
     """Make the quads, then the triangles, of a mesh, each by treatment; a kind without cells is left out.
 

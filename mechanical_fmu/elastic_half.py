@@ -339,7 +339,7 @@ class ElasticHalf:
         state = ElasticState(t, now.u, contact, now.u, drive.T, False, drive, t, now.history, motion.v, motion.a,
                              motion.f, motion.push, motion.stored, damped=found.work,
                              slid=np.zeros(system.contact.pair_nodes.size if system.contact.slips else 0))
-        outputs = outputs_of(system, found, Moved(loading, u, loading.step.history, drive, False), state)
+        outputs = outputs_of(system, found, Moved(loading, u, loading.step.history, drive, False, drive), state)
         return after_release(system, state, found.balance), outputs
 
     def step(self, state: ElasticState, inputs: Values, t: float, h: float, link: Link) -> Done | Discard:
@@ -384,7 +384,7 @@ class ElasticHalf:
                         history=found.balance.history, v=motion.v, a=motion.a, f=motion.f, push=motion.push,
                         stored=motion.stored, skipped=0,
                         damped=state.damped + found.work, slid=slid(found.balance.tractions, _array(state.slid)))
-        moved = Moved(loading, u, _array(state.history), state.drive, frozen is not None)
+        moved = Moved(loading, u, _array(state.history), state.drive, frozen is not None, drive)
         outputs = outputs_of(system, found, moved, after)
         return Done(after_release(system, after, found.balance), outputs, found.dt_stable)
 

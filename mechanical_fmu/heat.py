@@ -72,9 +72,10 @@ def at_frozen_entropy(system: System, moduli: tuple[Moduli, ...], T: Floats,
             rho_c[material == i] = spec.rho[i] * c(mean[material == i])
         g = heat / rho_c
         slope = heat / (m.kappa * mean)  # de_th/dT
-        # fault: frozen entropy no stiffer -> out.append(replace(m, kappa=m.kappa, e_th=(m.e_th + slope * g * start) /
-        #   (1.0 + slope * g))) | mechanical_fmu/test_solution_methods
-        out.append(replace(m, kappa=m.kappa * (1.0 + slope * g), e_th=(m.e_th + slope * g * start) / (1.0 + slope * g)))
+        stiffer, shifted = 1.0 + slope * g, (slope * g * start)[:, None]
+        # fault: frozen entropy no stiffer -> out.append(replace(m, kappa=m.kappa, e_th=(m.e_th + shifted) /
+        #   stiffer[:, None])) | mechanical_fmu/test_solution_methods
+        out.append(replace(m, kappa=m.kappa * stiffer, e_th=(m.e_th + shifted) / stiffer[:, None]))
     return tuple(out)
 
 

@@ -131,8 +131,9 @@ class SolidMaterial:
 
 @dataclass(frozen=True)
 class Moduli:
-    """Per cell: mu, kappa : (n_e,) [Pa]; e_th : (n_e,) = 3 ln(1 + alpha (T - T_ref) + shrinkage (1 - f_s)).
+    """Per cell: mu, kappa : (n_e,) [Pa].  e_th : (n_e, n_th) = 3 ln(1 + alpha (T - T_ref) + shrinkage (1 - f_s)).
 
+    n_th is 1, or with enhanced strain the number of points, each of which has its own.
     p : (n_e,) parameters of points, records of POINT; (0,) where all cells are elastic.
     tables : (n_t,) hardening curves of all materials.  T : (n_nodes,) [K] they are of, for a volume that is given.
     """
@@ -149,20 +150,27 @@ class MaterialRangeError(ArithmeticError):
     """A property left the range in which the material makes sense."""
 
 
-def moduli(materials: tuple[SolidMaterial, ...], material_of: Index, T: Floats, f_s: Floats | None = None) -> Moduli:
+def moduli(materials: tuple[SolidMaterial, ...], material_of: Index, T: Floats, f_s: Floats | None = None,
+           inside: tuple[Floats, Floats | None] | None = None) -> Moduli:
     """Compute the moduli of cells at their mean temperature T : (n_e,) [K] and solid fraction f_s : (n_e,) [1].
 
     f_s : None : each melting material takes it from T.  material_of : (n_e,) index into materials.
+    inside : T and f_s at the places of each cell that have a thermal strain, (n_e, n_th) each; None: the means.
     Raises MaterialRangeError naming material and temperature.
     """
-    mu, kappa, e_th = np.empty_like(T), np.empty_like(T), np.empty_like(T)
+    # fault: the points of a cell expand by its mean temperature -> warm, melted = T[:, None], None |
+    #   mechanical_fmu/test_thermal_bending
+    warm, melted = inside if inside is not None else (T[:, None], None if f_s is None else f_s[:, None])
+    mu, kappa, e_th = np.empty_like(T), np.empty_like(T), np.empty_like(warm)
     flows = any(materials[i].kind for i in np.unique(material_of))
     p, start = np.zeros(len(T) if flows else 0, POINT), 0
     for i, material in enumerate(materials):
         here = material_of == i
         if here.any():
             solid = _solid_fraction(material, T[here], None if f_s is None else f_s[here])
-            mu[here], kappa[here], e_th[here] = _elasticity(material, T[here], solid)
+            mu[here], kappa[here] = _elasticity(material, T[here], solid)
+            e_th[here] = _expansion(material, warm[here], _solid_fraction(material, warm[here],
+                                                                          None if melted is None else melted[here]))
             if flows:
                 p[here] = _parameters(material, T[here], solid, mu[here], start)
         # fault: curves of the second material read from the first's place -> start += 0 |
@@ -191,9 +199,14 @@ def thermoelastic_heat(materials: Sequence[SolidMaterial], material_of: Index, T
     return -kappa * T * rate * change
 
 
-def _elasticity(material: SolidMaterial, T: Floats, solid: Floats | None) -> tuple[Floats, Floats, Floats]:
-    """mu, kappa, e_th : (n,) of one material.  solid : (n,) f_s, None where it does not melt."""
-    E, nu = material.E(T), material.nu(T)
+def _refuse(material: SolidMaterial, T: Floats, value: Floats, what: str) -> None:
+    if not (value > 0.0).all():
+        at = T.flat[int(np.argmin(value))]
+        raise MaterialRangeError(f"material {material.name}: {what} is {value.min():.6g} at {at:.6g} K")
+
+
+def _expansion(material: SolidMaterial, T: Floats, solid: Floats | None) -> Floats:
+    """e_th of one material at T, of any shape.  solid : likewise f_s, None where it does not melt."""
     stretch = 1.0 + material.alpha(T) * (T - material.T_ref)
     liquid = material.flow.liquid
     if liquid is not None and solid is not None:
@@ -202,18 +215,22 @@ def _elasticity(material: SolidMaterial, T: Floats, solid: Floats | None) -> tup
         # fault: a casting that shrinks by half of it -> stretch = stretch + 0.5 * liquid.shrinkage * (1.0 - solid) |
         #   scenarios/test_aluminium_can
         stretch = stretch + liquid.shrinkage * (1.0 - solid)
-    for value, what in ((E, "E"), (stretch, "the free stretch 1 + alpha (T - T_ref)"), (0.5 - nu, "1/2 - nu"),
-                        (1.0 + nu, "1 + nu")):
-        if not (value > 0.0).all():
-            at = T[int(np.argmin(value))]
-            raise MaterialRangeError(f"material {material.name}: {what} is {value.min():.6g} at {at:.6g} K")
+    _refuse(material, T, stretch, "the free stretch 1 + alpha (T - T_ref)")
+    # fault: thermal strain once instead of three times -> return np.asarray(np.log(stretch)) |
+    #   mechanical_fmu/test_elastic_patch
+    return np.asarray(3.0 * np.log(stretch))
+
+
+def _elasticity(material: SolidMaterial, T: Floats, solid: Floats | None) -> tuple[Floats, Floats]:
+    """mu, kappa : (n,) of one material.  solid : (n,) f_s, None where it does not melt."""
+    E, nu, liquid = material.E(T), material.nu(T), material.flow.liquid
+    for value, what in ((E, "E"), (0.5 - nu, "1/2 - nu"), (1.0 + nu, "1 + nu")):
+        _refuse(material, T, value, what)
     # fault: bulk modulus of plane stress -> kappa = E / (3.0 * (1.0 - nu)) | mechanical_fmu/test_elastic_cylinder
     kappa = E / (3.0 * (1.0 - 2.0 * nu))
     if liquid is not None and solid is not None:
         kappa = solid * kappa + (1.0 - solid) * liquid.bulk(T)
-    # fault: thermal strain once instead of three times -> return E / (2.0 * (1.0 + nu)), kappa, np.log(stretch) |
-    #   mechanical_fmu/test_elastic_patch
-    return E / (2.0 * (1.0 + nu)), kappa, 3.0 * np.log(stretch)
+    return E / (2.0 * (1.0 + nu)), kappa
 
 
 def _solid_fraction(material: SolidMaterial, T: Floats, f_s: Floats | None) -> Floats | None:

@@ -173,7 +173,7 @@ def at_points(shape: CellShapes, law: CellMaterials, e: int, cell: CellScratch, 
     total, start, size = 0.0, shape.n_modes, (h.shape[0] - shape.n_modes) // nq
     for q in range(nq):
         mine = slice(start + q * size, start + (q + 1) * size)
-        code, heat = respond(law, e, cell.F[q], h_n[mine], h[mine], cell.P[q], cell.A[q], work)
+        code, heat = respond(law, e, q, cell.F[q], h_n[mine], h[mine], cell.P[q], cell.A[q], work)
         if code != 0:
             return code, 0.0
         total += shape.weight[e, q] * heat
@@ -191,7 +191,7 @@ def close_cell(shape: CellShapes, law: CellMaterials, e: int, cell: CellScratch,
         v = 0.0
         for q in range(nq):
             v += shape.weight[e, q] * cell.J[q]
-        log = np.log(v / shape.volume[e]) - law.e_th[e]
+        log = np.log(v / shape.volume[e]) - law.e_th[e, 0]
         p = law.kappa[e] * log * shape.volume[e] / v
         # fault: tangent of the mean pressure at no pressure -> factor = law.kappa[e] * shape.volume[e] / (v * v) |
         #   mechanical_fmu/test_elements_points

@@ -5,6 +5,9 @@ that of the cells, so what lies between the two, in the energy norm, estimates t
 stress at its points is carried on to its nodes, averaged there by volume among the cells of one body and one material
 (where these change stress may jump), and interpolated: a field that is linear all over is recovered as it is.  Of a
 body of one cell nothing can be said.
+
+Stress that no cell has cannot be recovered.  Heat that changes within cells of one thermal strain makes such a stress:
+they take its mean, and one cell through a thickness does not bend by heat at all.  Its energy is added.
 """
 
 from __future__ import annotations
@@ -14,7 +17,10 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from contact.compiled import kernel
 from mechanical_fmu.cells import Cells
+from mechanical_fmu.laws.catalogue import flow_stress
+from mechanical_fmu.laws.law import CREEP, LIQUID, PLASTIC, Points
 from mechanical_fmu.material import Moduli
 
 Floats = NDArray[np.float64]
@@ -60,3 +66,34 @@ def missed_energy(kinds: Sequence[Cells], stress: Sequence[Floats], moduli: Sequ
         missed += np.bincount(cells.body, 0.5 * energies(smooth - of, m, cells.weight), n_bodies)
         energy += np.bincount(cells.body, 0.5 * energies(of, m, cells.weight), n_bodies)
     return missed, energy
+
+
+def dropped_energy(kinds: Sequence[Cells], expansion: Sequence[Floats], moduli: Sequence[Moduli],
+                   n_bodies: int) -> Floats:
+    """Return the strain energy of each body, (n_bodies,) [J], of heat that its cells drop as they take its mean.
+
+    expansion : (n_e, nq) [1] free strain at the points of every kind.  Each point is taken as held along one direction,
+    E/2 (strain - mean)^2, and where it would yield by its yield stress.  Cells of enhanced strain drop nothing; of what
+    creeps or melts nothing is counted: such a stress relaxes.
+    """
+    dropped = np.zeros(n_bodies)
+    for cells, free, m in zip(kinds, expansion, moduli, strict=True):
+        if cells.treatment.enhanced or cells.treatment.kind & (CREEP | LIQUID):
+            continue
+        E = 9.0 * m.kappa * m.mu / (3.0 * m.kappa + m.mu)
+        mean = (free * cells.weight).sum(axis=1) / cells.volume
+        stress = E[:, None] * np.abs(free - mean[:, None])
+        if cells.treatment.kind & PLASTIC:
+            # fault: what is dropped knows no yield stress -> pass | mechanical_fmu/test_thermal_bending
+            stress = np.minimum(stress, _yield_stress(m.p, m.tables)[:, None])
+        dropped += np.bincount(cells.body, 0.5 * (stress**2 * cells.weight).sum(axis=1) / E, n_bodies)
+    return dropped
+
+
+@kernel
+def _yield_stress(p: Points, tables: Floats) -> Floats:
+    """(n_e,) [Pa] of cells that have not flowed yet."""
+    found = np.empty(p.shape[0])
+    for e in range(found.size):
+        found[e] = flow_stress(p[e], tables, 0.0)[0]
+    return found

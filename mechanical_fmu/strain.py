@@ -172,7 +172,7 @@ NO_THICKNESS = 100
 
 
 class CellMaterials(NamedTuple):
-    """The materials of a kind of cell.  mu, kappa : (n_e,) [Pa].  e_th : (n_e,).
+    """The materials of a kind of cell.  mu, kappa : (n_e,) [Pa].  e_th : (n_e, nq).
 
     p : (n_e,) records of POINT (laws/catalogue.py).  tables : (n_t,) of hardening curves.
     """
@@ -251,15 +251,15 @@ def neo_hooke(mu: float, kappa: float, e_th: float, F: Floats, P: Floats, A: Flo
 
 
 @inner
-def respond(law: CellMaterials, e: int, F: Floats, h_n: Floats, h: Floats, P: Floats, A: Floats,
+def respond(law: CellMaterials, e: int, q: int, F: Floats, h_n: Floats, h: Floats, P: Floats, A: Floats,
             work: PointScratch) -> tuple[int, float]:
-    """Fill P, A and the history of a point of cell e at F; returns (code, heat) of points.update.
+    """Fill P, A and the history of point q of cell e at F; returns (code, heat) of points.update.
 
     F : (5,) [1].  h_n, h : (n_h,) history at the start and at the end.  P : (5,) [Pa].  A : (5, 5) [Pa].
     In plane stress F33 is found first, from the ln F33 that ends h_n, and ends h and F.
     """
     if law.kind == 0:
-        return hyperelastic(law, e, F, h_n, h, P, A), 0.0
+        return hyperelastic(law, e, q, F, h_n, h, P, A), 0.0
     E, S, L, D, thin = work.E, work.S, work.L, work.D, law.plane_stress
     kappa, last = 0.0 if law.mean else law.kappa[e], h.shape[0] - (1 if thin else 0)
     thickness = h_n[last] if thin else 0.0
@@ -271,7 +271,7 @@ def respond(law: CellMaterials, e: int, F: Floats, h_n: Floats, h: Floats, P: Fl
         code, heat = update(law.kind, law.p[e], law.tables, E, law.dt, h_n[:last], h[:last], S, D)
         if code != 0:
             return code, heat
-        pressure = kappa * (E[0] + E[1] + E[3] - law.e_th[e])
+        pressure = kappa * (E[0] + E[1] + E[3] - law.e_th[e, q])
         for i in (0, 1, 3):
             S[i] += pressure
             for j in (0, 1, 3):
@@ -299,19 +299,19 @@ def respond(law: CellMaterials, e: int, F: Floats, h_n: Floats, h: Floats, P: Fl
 
 
 @inner
-def hyperelastic(law: CellMaterials, e: int, F: Floats, h_n: Floats, h: Floats, P: Floats, A: Floats) -> int:
+def hyperelastic(law: CellMaterials, e: int, q: int, F: Floats, h_n: Floats, h: Floats, P: Floats, A: Floats) -> int:
     """Fill P, A and h as `respond` does, of kind 0; returns the code.
 
     F : (5,) [1].  h_n, h : (1,) ln F33 in plane stress, else (0,).  P : (5,) [Pa].  A : (5, 5) [Pa].
     """
     kappa = 0.0 if law.mean else law.kappa[e]
     if not law.plane_stress:
-        neo_hooke(law.mu[e], kappa, law.e_th[e], F, P, A)
+        neo_hooke(law.mu[e], kappa, law.e_th[e, q], F, P, A)
         return 0
     thickness = h_n[0]
     for _ in range(MAX_THICKNESS_ITERATIONS):
         F[4] = np.exp(thickness)
-        neo_hooke(law.mu[e], kappa, law.e_th[e], F, P, A)
+        neo_hooke(law.mu[e], kappa, law.e_th[e, q], F, P, A)
         slope = F[4] * (P[4] + F[4] * A[4, 4])
         if not slope > 0.0:
             return NO_THICKNESS

@@ -15,7 +15,7 @@ from contact.half.linalg import JoinedPattern, Pattern, Solve, factorise, joined
 from contact.half.start import start_temperature
 from contact.messages import Tractions
 from contact.problem.mechanical import Element, State
-from mechanical_fmu.cells import Treatment, cells_of
+from mechanical_fmu.cells import Treatment, at_points, cells_of
 from mechanical_fmu.constraints import Constraints, RigidBodies, constraints_of, rigid_bodies
 from mechanical_fmu.contact import MeshContact
 from mechanical_fmu.given import GivenMesh, MechanicalVolume
@@ -180,9 +180,9 @@ class System:
         f_s : (n_nodes,) [1] solid fraction; None or (0,): what melts takes it from T.
         """
         kinds = self.volume.kinds
-        solid = self.volume.means(f_s) if f_s is not None and f_s.size else (None,) * len(kinds)
-        found = tuple(moduli(self.spec.materials, self.spec.part_material[cells.part], mean, part)
-                      for cells, mean, part in zip(kinds, self.volume.means(T), solid, strict=True))
+        given = f_s if f_s is not None and f_s.size else None
+        found = tuple(moduli(self.spec.materials, self.spec.part_material[cells.part], *cell)
+                      for cells, cell in zip(kinds, self._warmth(T, given), strict=True))
         if not self.volume.tells_stress or self.program is not None:
             found = tuple(replace(m, T=T) for m in found)
         if not self.volume.tells_stress:
@@ -193,12 +193,55 @@ class System:
         #   drawn) for drawn, m in zip(self._drawn, found, strict=True)) | mechanical_fmu/test_solution_melting
         return tuple(replace(m, e_th=m.e_th - drawn) for drawn, m in zip(self._drawn, found, strict=True))
 
+    def _warmth(self, T: Floats, f_s: Floats | None
+                ) -> list[tuple[Floats, Floats | None, tuple[Floats, Floats | None] | None]]:
+        """T, f_s and inside of `moduli`, for each kind, of nodal T : (n_nodes,) [K] and f_s : (n_nodes,) [1].
+
+        Points of cells with enhanced strain expand by their own temperature: the modes follow an expansion that changes
+        within the cell.  Other cells would resist it with a stress of their own: they take their mean.
+        """
+        volume, none = self.volume, (None,) * len(self.volume.kinds)
+        solid = none if f_s is None else volume.means(f_s)
+        # fault: cells with modes expand by their mean temperature too -> bends = [False for _ in volume.kinds] |
+        #   mechanical_fmu/test_thermal_bending
+        bends = [cells.treatment.enhanced for cells in volume.kinds]
+        points = [(at_points(cells, T), None if f_s is None else at_points(cells, f_s)) if with_modes else None
+                  for cells, with_modes in zip(volume.kinds, bends, strict=True)]
+        return list(zip(volume.means(T), solid, points, strict=True))
+
+    def expansion(self, T: Floats, f_s: Floats) -> tuple[Floats, ...]:
+        """Compute e_th/3 at the points of every kind, (n_e, nq) [1], also where cells take its mean.
+
+        T : (n_nodes,) [K], f_s : (n_nodes,) or (0,) as in a StepDrive.  A body drawn at a field of temperatures expands
+        from there on.
+        """
+        found = tuple(
+            moduli(self.spec.materials, self.spec.part_material[cells.part], mean, solid,
+                   (at_points(cells, T), at_points(cells, f_s) if f_s.size else None)).e_th / 3.0
+            for cells, (mean, solid, _) in zip(self.volume.kinds, self._warmth(T, f_s if f_s.size else None),
+                                               strict=True))
+        fields = [p for p, drawn_at in enumerate(self.spec.drawn_at) if not isinstance(drawn_at, float | None)]
+        for p in fields:
+            drawn = np.full_like(T, self.spec.materials[self.spec.part_material[p]].T_ref)
+            nodes = self.interface.part_nodes(p)
+            drawn[nodes] = start_temperature(self.spec.drawn_at[p], self.interface, nodes)
+            for cells, free in zip(self.volume.kinds, found, strict=True):
+                own = cells.part == p
+                warm = at_points(cells, drawn)[own]
+                then = moduli(self.spec.materials, self.spec.part_material[cells.part[own]], warm.mean(axis=1), None,
+                              (warm, None))
+                # fault: heat that a body is drawn with counts as dropped -> free[own] -= 0.0 * then.e_th |
+                #   mechanical_fmu/test_thermal_bending
+                free[own] -= then.e_th / 3.0
+        return found
+
     @cached_property
     def _drawn(self) -> tuple[Floats, ...]:
-        """(n_e,) e_th of the cells of each kind in the shape of the mesh; () where every body is drawn at its T_ref."""
+        """(n_e, n_th) e_th of each kind in the shape of the mesh; () where every body is drawn at its T_ref."""
         if all(drawn_at is None for drawn_at in self.spec.drawn_at):
             return ()
-        e_th = [np.zeros(len(cells.part)) for cells in self.volume.kinds]
+        e_th = [np.zeros(cells.weight.shape if cells.treatment.enhanced else (len(cells.part), 1))
+                for cells in self.volume.kinds]
         for p, drawn_at in enumerate(self.spec.drawn_at):
             if drawn_at is None:
                 continue
@@ -208,13 +251,15 @@ class System:
             # What melts is told the solid fraction at nodes, whose mean is not that of the mean temperature.
             # fault: a cell that is half mush is drawn at its mean temperature -> solid = None |
             #   coupler/test_starts::test_a_poured_body_of_uneven_warmth_begins_without_stress
-            solid = None if liquid is None or one else self.volume.means(liquid.solid_fraction(T))
-            for k, (cells, mean) in enumerate(zip(self.volume.kinds, self.volume.means(T), strict=True)):
-                own = cells.part == p
+            solid = None if liquid is None or one else liquid.solid_fraction(T)
+            for k, (cells, cell) in enumerate(zip(self.volume.kinds, self._warmth(T, solid), strict=True)):
+                own, (mean, part, points) = cells.part == p, cell
                 # A number as it is: the mean over a cell has its own round-off.
-                drawn = np.full(own.sum(), drawn_at) if one else mean[own]
-                e_th[k][own] = moduli(self.spec.materials, self.spec.part_material[cells.part[own]], drawn,
-                                      None if solid is None else solid[k][own]).e_th
+                if one:
+                    mean, points = np.full_like(mean, drawn_at), None
+                inside = None if points is None else (points[0][own], None if points[1] is None else points[1][own])
+                e_th[k][own] = moduli(self.spec.materials, self.spec.part_material[cells.part[own]], mean[own],
+                                      None if part is None else part[own], inside).e_th
         return tuple(e_th)
 
     @cached_property

@@ -162,8 +162,8 @@ class DeformableMesh:
         for cells, m in zip(self.kinds, moduli, strict=True):
             stress, strain = np.empty((*cells.weight.shape, 4)), np.empty((*cells.weight.shape, 4))
             if cells.fast:
-                cell_stress(cells.nodes, cells.B, cells.N_over_R, cells.weight, cells.volume, m.mu, m.kappa, m.e_th,
-                            u, stress, strain)
+                cell_stress(cells.nodes, cells.B, cells.N_over_R, cells.weight, cells.volume, m.mu, m.kappa,
+                            m.e_th[:, 0], u, stress, strain)
             else:
                 rows = slice(at, at + len(cells.nodes) * cells.n_row)
                 at = rows.stop
@@ -181,14 +181,14 @@ class DeformableMesh:
         sigma_v, hoop = np.zeros(self.n_cells), np.zeros(self.n_cells)
         for cells, m in zip(self.kinds, moduli, strict=True):
             of, around = np.empty(len(cells.nodes)), np.empty(len(cells.nodes))
-            cell_stress_sizes(cells.nodes, cells.B, cells.N_over_R, cells.weight, cells.volume, m.mu, m.kappa, m.e_th,
-                              u, of, around)
+            cell_stress_sizes(cells.nodes, cells.B, cells.N_over_R, cells.weight, cells.volume, m.mu, m.kappa,
+                              m.e_th[:, 0], u, of, around)
             sigma_v[cells.number], hoop[cells.number] = of, around
         return sigma_v, hoop
 
 
 def _loop(cells: Cells, m: Moduli, u: Floats, tangent: bool, f: Floats, K: Floats) -> None:
-    bad = cell_forces(cells.nodes, cells.B, cells.N_over_R, cells.weight, cells.volume, m.mu, m.kappa, m.e_th, u,
+    bad = cell_forces(cells.nodes, cells.B, cells.N_over_R, cells.weight, cells.volume, m.mu, m.kappa, m.e_th[:, 0], u,
                       tangent, f, K, tuple(range(cells.nodes.shape[1])))
     if bad >= 0:
         raise CellInversionError(int(cells.number[bad]), int(cells.body[bad]))
@@ -196,8 +196,9 @@ def _loop(cells: Cells, m: Moduli, u: Floats, tangent: bool, f: Floats, K: Float
 
 def _points(cells: Cells, m: Moduli, u: Floats, dt: float, before: Floats, out: Out) -> None:
     how = cells.treatment
-    law = CellMaterials(how.kind, how.plane_stress, not (how.plane_stress or how.enhanced), m.mu, m.kappa, m.e_th, m.p,
-              m.tables, dt)
+    e_th = np.ascontiguousarray(np.broadcast_to(m.e_th, cells.weight.shape))
+    law = CellMaterials(how.kind, how.plane_stress, not (how.plane_stress or how.enhanced), m.mu, m.kappa, e_th, m.p,
+                        m.tables, dt)
     # A private copy: a history from a saved state is read-only, and the loop is compiled for arrays that are not.
     history_n = np.array(before, dtype=np.float64).reshape(len(cells.nodes), -1)
     bad, code = cell_points(cells.shape, law, u, history_n, out)

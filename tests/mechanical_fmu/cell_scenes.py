@@ -70,7 +70,7 @@ def moduli_of(volume, *stuffs):
         p = np.zeros(len(mu), POINT)
         p["shear_modulus"], p["plastic_heat"], p["solid_fraction"], p["hardening_modulus"] = mu, 0.9, 1.0, H
         p["yield_stress"] = np.minimum(yield_stress, 1e300)
-        out.append(Moduli(mu, E / 3 / (1 - 2 * nu), 3 * np.log(1 + free), p))
+        out.append(Moduli(mu, E / 3 / (1 - 2 * nu), 3 * np.log(1 + free)[:, None], p))
     return tuple(out)
 
 

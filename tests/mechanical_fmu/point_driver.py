@@ -45,7 +45,7 @@ def parameters(m, T=300.0, f_s=None):
     points = found.p if len(found.p) else np.zeros(1, POINT)
     if not m.kind:
         points["shear_modulus"] = found.mu
-    return points[0], found.tables, float(found.kappa[0]), float(found.e_th[0])
+    return points[0], found.tables, float(found.kappa[0]), float(found.e_th[0, 0])
 
 
 def strained(point, E, dt=1.0, T=300.0, f_s=None, p=None):

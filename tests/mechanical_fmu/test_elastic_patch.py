@@ -118,7 +118,7 @@ def test_the_tangent_is_the_derivative_of_the_forces(kind, geometry):
     half = elastic(block(GRID[:3], GRID[:3], kind, geometry, move=distorted))
     volume = half.system.volume
     n = volume.n_cells
-    moduli = (Moduli(np.linspace(1.0, 2.0, n), np.linspace(3.0, 50.0, n), np.linspace(-0.01, 0.03, n)),)
+    moduli = (Moduli(np.linspace(1.0, 2.0, n), np.linspace(3.0, 50.0, n), np.linspace(-0.01, 0.03, n)[:, None]),)
     u = 0.03 * np.random.default_rng(1).standard_normal((volume.n_nodes, 2))
     K = pattern_of(u.size, volume.kinds[0].dofs).matrix(volume.tangent(u, moduli)[1]).toarray()
     assert np.array_equal(K, K.T)

@@ -58,7 +58,7 @@ def test_the_two_loops_agree_on_elastic_cells():
     cells, moduli, u = volume.kinds[0], moduli_of(volume, SOFT), bent(interface.nodes)
     f, K = np.zeros_like(u), np.empty((len(cells.nodes), 8, 8))
     m = moduli[0]
-    assert cell_forces(cells.nodes, cells.B, cells.N_over_R, cells.weight, cells.volume, m.mu, m.kappa, m.e_th, u,
+    assert cell_forces(cells.nodes, cells.B, cells.N_over_R, cells.weight, cells.volume, m.mu, m.kappa, m.e_th[:, 0], u,
                        True, f, K, (0, 1, 2, 3)) == -1
     general = general_loop(cells, m, u)
     assert np.abs(general.f - f).max() <= 1e-13 * np.abs(f).max()

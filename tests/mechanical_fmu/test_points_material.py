@@ -121,4 +121,4 @@ def test_elastic_materials_cost_no_parameters_and_keep_their_bits():
     assert found.tables.size == 0
     assert np.array_equal(found.mu, np.full(2, E) / (2.0 * (1.0 + nu)))
     assert np.array_equal(found.kappa, np.full(2, E) / (3.0 * (1.0 - 2.0 * nu)))
-    assert np.array_equal(found.e_th, 3.0 * np.log(1.0 + np.full(2, alpha) * (T - 300.0)))
+    assert np.array_equal(found.e_th[:, 0], 3.0 * np.log(1.0 + np.full(2, alpha) * (T - 300.0)))
