@@ -83,8 +83,23 @@ def verb(name: str) -> TyperCommand:
     """Return a command of VERBS itself, imported."""
     module, _, function = VERBS[name].home.partition(":")
     one = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
-    one.command(name)(getattr(import_module(module), function))
+    one.command(name, cls=_OneVerb)(getattr(import_module(module), function))
     return cast(TyperCommand, get_command(one))
+
+
+def _flags_bare(parameters: list[Any]) -> list[Any]:
+    """The same parameters, whose flags are shown without a type: `--quiet <bool>` looks as if it took a value."""
+    for parameter in parameters:
+        # fault: the help shows a type behind a flag -> if False: |
+        #   coupler/test_cli::test_flags_take_no_value
+        if getattr(parameter, "is_flag", False):
+            parameter.metavar = ""
+    return parameters
+
+
+class _OneVerb(TyperCommand):
+    def get_params(self, ctx: Any) -> list[Any]:
+        return _flags_bare(super().get_params(ctx))
 
 
 class _Named(TyperCommand):
@@ -95,6 +110,9 @@ class _Named(TyperCommand):
 
 
 class _Verbs(TyperGroup):
+    def get_params(self, ctx: Any) -> list[Any]:
+        return _flags_bare(super().get_params(ctx))
+
     def list_commands(self, ctx: Any) -> list[str]:
         return list(VERBS)
 

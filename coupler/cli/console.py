@@ -122,7 +122,10 @@ class ProgressLine:
         T = p.max_T - (ZERO_CELSIUS if self._unit == "degC" else 0.0)
         estimated = p.fraction >= GUESS_AFTER and math.isfinite(p.remaining)
         to_go = f" | {clock_text(p.remaining)} to go" if estimated else ""
-        number = f"{p.number}/{p.total} of {p.H:.3g} s" if p.total else f"{p.number} of {p.H:.3g} s"
+        # After a rejection there are more windows than were planned.
+        # fault: a run does more windows than it has -> planned = p.total | coupler/test_console
+        planned = p.total if not self._rejected and p.number <= p.total else 0
+        number = f"{p.number}/{planned} of {p.H:.3g} s" if planned else f"{p.number} of {p.H:.3g} s"
         calls = f"{self._solves} solver calls | " if self._solves else ""
         # fault: what a window broke is forgotten by the next -> n = int(p.anyway) | coupler/test_console
         n = self._anyway
@@ -131,7 +134,7 @@ class ProgressLine:
         iterations = f"{p.iterations} iterations | " if p.iterations else ""
         return (f"t {p.t:.6g} of {p.t_end:.6g} s | window {number}{rejected} | {calls}{iterations}"
                 f"{p.touching} points touch | max T {T:.1f} {self._unit} | max p {p.max_p / 1e6 + 0.0:.3g} MPa | "
-                f"energy-balance error {p.imbalance:.0e}{trust}{to_go}")
+                f"energy-balance error {p.imbalance:.1g}{trust}{to_go}")
 
     def __exit__(self, kind: type[BaseException] | None, error: BaseException | None,
                  trace: TracebackType | None) -> None:
@@ -193,7 +196,7 @@ def summary(results: Results, printed: Collection[str] = ()) -> str:
         + f", {int(w.solves.sum() + results.rewound.get('solves', 0))} solver calls, "
         + f"{sum(parts.values()):.1f} s after {set_up:.1f} s of set-up",
         "  " + ", ".join(f"{name} {seconds:.1f} s" for name, seconds in parts.items()),
-        f"  relative energy-balance error {results.heat_imbalance:.1e}",
+        f"  relative energy-balance error {results.heat_imbalance:.2g}",
         *condition_lines(results),
         f"  {results.path}, " + ", ".join(str(p) for p in results.field_files.values()),
     ]

@@ -27,14 +27,16 @@ def show_command(scenario: ScenarioFile,
 
 
 def report_command(results: Annotated[Path, typer.Argument(help="A results file, run.h5.", show_default=False)],
-                   out: Annotated[Path | None, typer.Option("--out", "-o", help="The page.")] = None) -> None:
+                   out: Annotated[Path | None, typer.Option(
+                       "--out", "-o", help="The page; default: beside the results, .html.")] = None) -> None:
     """Write a self-contained HTML page about a run."""
     typer.echo(write_report(Results(results), out or results.with_suffix(".html")))
 
 
 def watch_command(results: Annotated[Path, typer.Argument(help="The results file that a run will write.",
                                                           show_default=False)],
-                  out: Annotated[Path | None, typer.Option("--out", "-o", help="The page.")] = None,
+                  out: Annotated[Path | None, typer.Option(
+                       "--out", "-o", help="The page; default: beside the results, .html.")] = None,
                   every: Annotated[float, typer.Option("--every", metavar="SECONDS", min=1.0,
                                                        help="Time between two pages.")] = 5.0) -> None:
     """Write the report of a run while it goes on; the page reloads itself until the run ends."""
@@ -49,7 +51,8 @@ def watch_command(results: Annotated[Path, typer.Argument(help="The results file
 
 def compare_command(first: Annotated[Path, typer.Argument(help="Results file of the reference.", show_default=False)],
                     second: Annotated[Path, typer.Argument(help="The results file to compare.", show_default=False)],
-                    out: Annotated[Path | None, typer.Option("--out", "-o", help="The page.")] = None,
+                    out: Annotated[Path | None, typer.Option("--out", "-o",
+                        help="The page; default: beside the second, SECOND-against-FIRST.html.")] = None,
                     within: WithinOption = "", as_json: JsonOption = False) -> None:
     """Compare two runs: the largest differences on a page, and a verdict.  Code 5: they differ, or are two scenes."""
     compare(Results(first), Results(second), out, within, as_json=as_json)
@@ -87,6 +90,6 @@ class Compared:
 def compared(a: Results, b: Results, out: Path | None, within: str) -> Compared:
     """Hold run b against run a.  Raises ScenarioError for bounds that are none, ResultsError as `verdict` does."""
     bounds = bounds_of(within)
-    page, text = write_comparison(a, b, out or b.path.with_name(f"{b.path.stem}-against-{a.path.stem}.html"))
     judged = verdict(a, b, bounds)
+    page, text = write_comparison(a, b, out or b.path.with_name(f"{b.path.stem}-against-{a.path.stem}.html"))
     return Compared(text, page, judged.text(short_names(a, b)), not (judged.differs or judged.changed))

@@ -26,7 +26,8 @@ def status_command(results: Annotated[Path, typer.Argument(help="The results fil
 
 def trace_command(results: Annotated[Path, typer.Argument(help="The results file of a run.", show_default=False)],
                   out: Annotated[Path | None, typer.Option(
-                      "--out", help="The trace, JSON; default: beside the results, run.trace.json.")] = None) -> None:
+                      "--out", "-o", help="The trace, JSON; default: beside the results, run.trace.json.")] = None,
+                  ) -> None:
     """Write a trace of a run: when each call ran; for ui.perfetto.dev or chrome://tracing.
 
     Windows and records of the coupler and the calls of both halves, over the seconds of the run.

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable
-from contextlib import AbstractContextManager
+from collections.abc import Callable, Iterator
+from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -27,7 +27,7 @@ from coupler.cli.options import (
     own_scenario_of,
     scenario_of,
 )
-from coupler.errors import ScenarioError
+from coupler.errors import ScenarioError, SlidelineError
 from coupler.experiments.confidence import check_companions
 from coupler.experiments.confidence import confidence as errors_of_probes
 from coupler.experiments.pool import TrialLine
@@ -74,10 +74,18 @@ def run_command(scenario: ScenarioFile, out: OutOption = Path("run.h5"), sets: S
     if against and not swaps:
         raise ScenarioError("there is nothing to compare: no half is swapped", key="--compare",
                             remedy="Add --swap thermal=KIND or --swap mechanical=KIND")
+    if within and not against:
+        raise ScenarioError("there is nothing to compare", key="--within", value=within,
+                            remedy="Add --compare, or compare two runs with `slideline compare`")
     s = scenario_of(scenario, sets, swaps)
     check_target(out, report=report)
     # Before anything runs: what cannot be compared is told at once.
     own = own_scenario_of(scenario, sets, swaps) if against else None
+    if own is not None:
+        # Here and not above: a run that compares nothing starts without matplotlib.
+        from coupler.report.verdict import bounds_of, demand_names
+
+        demand_names(bounds_of(within), {name: probe.quantity for name, probe in own.probes.items()})
     own_out = out.with_name(f"{out.stem}-own.h5")
     if own is not None:
         check_target(own_out)
@@ -92,8 +100,9 @@ def run_command(scenario: ScenarioFile, out: OutOption = Path("run.h5"), sets: S
             typer.echo(f"note: {note}", err=True)
     with ProgressLine(s.temperature_unit, quiet=quiet, verbose=verbose) as line, RunLog(log, out) as written:
         how = Verify.ONCE if verify is None else Verify.ANEW if verify else Verify.NEVER
-        results = run(s, out, processes=processes, hosts=hosts, until=until, on_window=_each(line, written),
-                      verify=how, on_verify=partial(line.say, asked=how is Verify.ANEW))
+        with _reported(out, report):
+            results = run(s, out, processes=processes, hosts=hosts, until=until, on_window=_each(line, written),
+                          verify=how, on_verify=partial(line.say, asked=how is Verify.ANEW))
         written.done(results.outcome)
     if judged and results.outcome == "completed":
         with TrialLine() as trials:
@@ -129,6 +138,23 @@ def run_command(scenario: ScenarioFile, out: OutOption = Path("run.h5"), sets: S
     elif as_json:
         _print_json(told)
     leave(results)
+
+
+@contextmanager
+def _reported(out: Path, wanted: bool) -> Iterator[None]:
+    """Write the page of a run that fails too, where one is wanted and the run has left results."""
+    before = _changed_at(out)
+    try:
+        yield
+    except SlidelineError as exc:
+        # fault: a run that fails has no page -> if False: | coupler/test_cli::test_a_run_that_fails_has_its_page_too
+        if wanted and _changed_at(out) != before:
+            exc.add_note(f"report: {write_report(Results(out), out.with_suffix('.html'))}")
+        raise
+
+
+def _changed_at(path: Path) -> int | None:
+    return path.stat().st_mtime_ns if path.exists() else None
 
 
 def _print_json(told: dict[str, Any]) -> None:
@@ -168,10 +194,10 @@ def _each(*told: Callable[[Progress], None]) -> Callable[[Progress], None]:
 
 def build_command(scenario: ScenarioFile,
                   out: Annotated[Path, typer.Option("--out", "-o", help="Folder for the FMUs.")] = Path(),
-                  fmi: Annotated[int, typer.Option("--fmi", min=2, max=3, help="Version of FMI; in 3 arrays are "
-                                                   "variables (needs pythonfmu3).")] = 2,
-                  ssp: Annotated[bool, typer.Option("--ssp", help="Write both also as one system, scene.ssp, with what "
-                                                    "goes where.")] = False,
+                  fmi: Annotated[int, typer.Option("--fmi", min=2, max=3, help="Version of FMI; in FMI 3 an array "
+                                                   "is one variable (needs pythonfmu3).")] = 2,
+                  ssp: Annotated[bool, typer.Option("--ssp", help="Also write scene.ssp, which holds both FMUs and "
+                                                    "their connections.")] = False,
                   sets: SetOption = None, swaps: SwapOption = None) -> None:
     """Build the FMUs of a scenario, for use in any FMI 2.0 or 3.0 master."""
     found = scenario_of(scenario, sets, swaps)

@@ -20,14 +20,18 @@ from coupler.experiments.variants import CELLS
 def study_command(scenario: ScenarioFile,
                   out: Annotated[Path, typer.Option("--out", "-o", help="Folder of the study.")] = Path("study"),
                   grid: Annotated[list[str] | None, typer.Option(
-                      "--grid", metavar="AXIS=VALUES", help="scheme=staggered,extrapolated. May be repeated.")] = None,
+                      "--grid", metavar="AXIS=VALUES",
+                      help="Values to run: scheme=staggered,extrapolated or windows=1,2,5. May be repeated.")] = None,
                   measure: Annotated[str, typer.Option(
                       "--measure", metavar="PROBES", help="Probes whose error counts, separated by commas.")] = "",
                   processes: Annotated[int, typer.Option(
                       "--jobs", "-j", min=0, help="Runs at the same time; 0: one for each core.")] = 0,
-                  cluster: Annotated[str, typer.Option("--cluster", help="Address of a Dask scheduler instead.")] = "",
-                  limit: Annotated[float | None, typer.Option("--limit", help="Most seconds of a run.")] = None,
-                  pilot: Annotated[bool, typer.Option("--pilot", help="Predict stable windows first.")] = False,
+                  cluster: Annotated[str, typer.Option(
+                      "--cluster", metavar="ADDRESS", help="Run on the Dask cluster of this scheduler.")] = "",
+                  limit: Annotated[float | None, typer.Option(
+                      "--limit", metavar="SECONDS", help="Wall time of a run at most.")] = None,
+                  pilot: Annotated[bool, typer.Option(
+                      "--pilot", help="Run a few long windows first, to show the longest stable ones.")] = False,
                   sets: SetOption = None, swaps: SwapOption = None) -> None:
     """Run a grid of settings, and draw error against cost.  After Ctrl-C the same command continues."""
     keys: dict[str, Any] = {}
@@ -51,7 +55,8 @@ def advise_command(scenario: ScenarioFile,
                        "'upper.*=0.5%' (of its range).  May be repeated; default: every probe, 1 %.")] = None,
                    out: Annotated[Path, typer.Option(
                        "--out", "-o", help="Folder for trials, advice.txt and advised.yaml.")] = Path("advise"),
-                   limit: Annotated[float, typer.Option("--limit", metavar="SECONDS", help="Wall time.")] = 600.0,
+                   limit: Annotated[float, typer.Option(
+                       "--limit", metavar="SECONDS", help="Wall time of all trials at most.")] = 600.0,
                    cells: Annotated[int, typer.Option("--cells", help="Most cells of a body in a trial.")] = CELLS,
                    sets: SetOption = None, swaps: SwapOption = None) -> None:
     """Find the cheapest model within your tolerance, and write it as a scenario."""

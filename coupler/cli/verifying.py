@@ -37,8 +37,8 @@ HalfArgument = Annotated[str, typer.Argument(
     help="An FMU, file.fmu, or the name of a half that is installed: thermal, elastic, ... ROLE=KIND puts a half into "
     "the scene of --scenario, as --swap does.", show_default=False)]
 ScenarioOption = Annotated[Path | None, typer.Option(
-    "--scenario", metavar="FILE", help="The scene to hold it against; of a half by name one that uses it (for our own "
-    "halves there is one).",
+    "--scenario", metavar="FILE", help="The scenario to check it in. For an installed half: one that uses this half; "
+    "Slideline's own halves have one built in.",
     show_default=False)]
 StepOption = Annotated[float, typer.Option("--step", metavar="SECONDS",
                                            help="Substep to begin with; halved while the half refuses it.")]

@@ -80,9 +80,9 @@ def _adaptive(plan: Plan, limits: Adaptive, control: ControlState) -> Proposal:
     # fault: a rest longer than the window makes two short ones -> if rest <= wanted and rest <= _ticks(plan, most) *
     #   (1.0 + 1e-9): | coupler/test_control
     if rest <= wanted * (1.0 + REST) and rest <= _ticks(plan, most) * (1.0 + 1e-9):
-        k1, reason = must, f"{control.reason}; to end at {t:.9g} s"
+        k1, reason = must, f"{control.reason}; ends at {t:.9g} s"
     elif rest < 2.0 * wanted:
-        k1, reason = k0 + (rest + 1) // 2, f"{control.reason}; two equal ones to {t:.9g} s"
+        k1, reason = k0 + (rest + 1) // 2, f"{control.reason}; two equal windows to meet {t:.9g} s"
     # fault: a window put back is stretched to its old size again -> if False: | coupler/test_control
     if control.below and k1 >= control.below:
         k1 = max(k0 + int(min(wanted, (control.below - k0) / 2.0)), k0 + 1)

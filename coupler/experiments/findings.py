@@ -91,12 +91,17 @@ def goals_of(requests: Sequence[GoalRequest], full: TrialResult) -> tuple[Goal, 
                             remedy="Add probes of what the scene is about.")
     goals: dict[str, Goal] = {}
     for request in requests or (GoalRequest("*", 100 * DEFAULT_TOLERANCE, "%"),):
-        pattern = request.pattern
-        named = [name for name in own if name == pattern] or [n for n in own if fnmatchcase(n, pattern)]
-        if not named:
-            raise ScenarioError("no such probe", key="--for", value=pattern, remedy=did_you_mean(pattern, own))
-        goals |= {name: _goal(name, request, full) for name in named}
+        goals |= {name: _goal(name, request, full) for name in named(request.pattern, own)}
     return tuple(goals.values())
+
+
+def named(pattern: str, probes: Iterable[str]) -> list[str]:
+    """Return the probes that a pattern names.  Raises ScenarioError where there is none."""
+    own = list(probes)
+    found = [name for name in own if name == pattern] or [n for n in own if fnmatchcase(n, pattern)]
+    if not found:
+        raise ScenarioError("no such probe", key="--for", value=pattern, remedy=did_you_mean(pattern, own))
+    return found
 
 
 def _goal(name: str, request: GoalRequest, full: TrialResult) -> Goal:

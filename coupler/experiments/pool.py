@@ -68,7 +68,9 @@ class StudyLine:
 
     def __exit__(self, kind: type[BaseException] | None, error: BaseException | None,
                  trace: TracebackType | None) -> None:
-        self._bar.stop()
+        # A bar that never began would leave an empty line.
+        if self._console.is_terminal:
+            self._bar.stop()
 
 
 class TrialLine:

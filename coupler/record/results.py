@@ -395,7 +395,7 @@ def iteration_words(results: Results) -> str:
         return ""
     known = w.contraction[np.isfinite(w.contraction)]
     text = f"{w.iterations.mean():.1f} iterations a window, {w.iterations.max()} at most"
-    if len(known):
+    if len(known) and known.max() > 0.0:
         text += f", contraction of plain iteration up to {known.max():.3g}"
     at_max = int((w.verdict == "max iterations").sum())
     return text + (f"; {at_max} windows taken though they did not converge" if at_max else "")

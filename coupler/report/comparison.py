@@ -113,7 +113,7 @@ def compare(a: Results, b: Results) -> Comparison:
     differences = {n: d for n, d in found.items() if d is not None}
     if not differences:
         raise ResultsError(f"{a.path} and {b.path} have no probe in common: {', '.join(a.probe_names) or 'none'} "
-                           f"against {', '.join(b.probe_names) or 'none'}")
+                           f"against {', '.join(b.probe_names) or 'none'}. Give two runs of one scene")
     only = [tuple(n for n in run.probe_names if n not in differences) for run in (a, b)]
     return Comparison(until, tuple(differences.values()), only[0], only[1], _heats(a, b, until))
 

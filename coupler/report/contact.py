@@ -99,7 +99,7 @@ def _picture(results: Results, name: str, pair: Mapping[str, Any], along: Along)
         draw_kinks(ax, kinks_of(results) if limits is None else [])
     _legend(figure, code, scale.unit, float(np.nanmax(scale(gap), initial=0.0)))
     alt = f"Contact of pair {name} over time along {pair['slave']}: {_shares(results.t, code)}."
-    return png(figure, alt, _caption(results, pair, along, near, code))
+    return png(figure, alt, _caption(results, pair, along, near, code), dark=True)
 
 
 def closer(t: Array, code: Codes) -> tuple[float, float] | None:
@@ -167,7 +167,7 @@ def _caption(results: Results, pair: Mapping[str, Any], along: Along, near: tupl
         return f"{x} {number(float(unit(place[0])))}, {y} {number(float(unit(place[1])))} {unit.unit}"
 
     text = (f"Pair {pair['name']}: what each place of {pair['slave']} does against {pair['master']}, as found "
-            f"at the end of each window; lengths in the mesh's own shape, from ({at(a)}) up to ({at(b)}).")
+            f"at the end of each window; lengths along the undeformed surface, from ({at(a)}) to ({at(b)}).")
     if (code >= STICKS).any():
         bound = f"Coulomb's bound, {number(float(pair['mu']))} times the pressure"
         text += (f" A node slips where more than half of what it touches is at {bound}." if along.slip_share is not None

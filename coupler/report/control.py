@@ -153,7 +153,6 @@ def errors_picture(results: Results) -> Picture | None:
                     label=quantity.replace("_", " "))
     ax.axhline(1.0, color="#999999", linewidth=0.7, zorder=1, label="rejected above")
     legend_below(figure, ax, columns=5)
-    ax.yaxis.set_major_formatter(FuncFormatter(lambda value, _: number(value, 2)))
     ax.yaxis.set_minor_locator(NullLocator())
     good = w.error[w.taken & np.isfinite(w.error)]
     middle = number(float(np.median(good)), 3) if len(good) else "unknown"
@@ -266,9 +265,10 @@ def iterates_picture(results: Results) -> Picture | None:
     legend_below(figure, axes, columns=3)
     text = f"{good.iterations.sum()} iterations in {len(good)} windows, {good.iterations.max()} at most in one"
     if not measured:
-        return svg(figure, f"{text}.", f"{text}. By what plain iteration would multiply a difference was not measured.")
+        return svg(figure, f"{text}.", f"{text}. The contraction of plain iteration was not measured.")
     return svg(figure, f"{text}; the contraction of plain iteration below.",
-               f"{text}. Below: by what plain iteration would multiply a difference, as measured in the window.")
+               f"{text}. Below: contraction, the factor by which an iteration without acceleration would reduce the "
+               "difference of two iterates, as measured in each window.")
 
 
 def shares(results: Results) -> list[Share]:

@@ -20,6 +20,7 @@ from coupler.report.figures import (
     draw_kinks,
     legend_below,
     line_style,
+    named,
     number,
     page_figure,
     plain,
@@ -100,7 +101,7 @@ def _picture(results: Results, quantity: str, names: Sequence[str], near: tuple[
     scale = shown(results.unit(names[0]), largest, results.header["temperature_unit"])
     what = name_of(quantity, str(results.header["geometry"]))
     figure = page_figure(TALL if quantity == "T" else LOW)
-    ax = axes_of(figure, "time [s]", f"{what} [{scale.unit}]")
+    ax = axes_of(figure, "time [s]", named(what, scale.unit))
     for k, (name, value) in enumerate(zip(names, values, strict=True)):
         ax.plot(results.t, scale(value), label=plain(name), **line_style(k))
     bands = {n: results.confidence[n] for n in names if n in results.confidence and not results.confidence[n].failed}
@@ -144,7 +145,7 @@ def _picture(results: Results, quantity: str, names: Sequence[str], near: tuple[
     curves = [Curve(n, scale(v), scale.factor * around[n] if n in around else None)
               for n, v in zip(names, values, strict=True)]
     height = 300 if quantity == "T" else 230
-    return replace(picture, chart=Chart(f"{what} [{scale.unit}]", alt, results.t, curves, height))
+    return replace(picture, chart=Chart(named(what, scale.unit), alt, results.t, curves, height))
 
 
 def _caption(quantity: str, title: str, span: str, near: bool, lines: bool) -> str:
@@ -232,11 +233,18 @@ def driven_loads(results: Results) -> dict[str, tuple[Array, Array]]:
 
 def _watched_picture(results: Results, name: str, t: Sequence[float] | Array, values: Array, what: str) -> Picture:
     figure = page_figure(LOW)
-    ax = axes_of(figure, "time [s]", f"{plain(name)} [in its SI unit]")
+    # A load is driven by its factor.  A file of an earlier version does not know the units of its monitors.
+    # fault: what a rule looks at has no unit -> unit = "1" | coupler/test_report
+    unit = "1" if what.startswith("Factor") else results.header.get("monitors", {}).get(name, "1")
+    scale = replace(shown(unit, float(np.nanmax(np.abs(values)))), shift=0.0)
+    ax = axes_of(figure, "time [s]", named(plain(name), scale.unit))
+    values = scale(values)
     # What was set holds from then on; what was seen is known at ends of windows.
     ax.plot(t, values, drawstyle="steps-post" if what.startswith("Factor") else "default", **line_style(0))
     ax.set_xlim(float(results.t[0]), float(results.t[-1]))
     draw_kinks(ax, kinks_of(results))
     known = values[np.isfinite(values)]
-    alt = f"{what}: {number(float(known[0]), 5)} at first, {number(float(known[-1]), 5)} at last."
-    return svg(figure, alt, f"{what}; least {number(float(known.min()), 5)}, largest {number(float(known.max()), 5)}.")
+    of = "" if scale.unit == "1" else f" {scale.unit}"
+    alt = f"{what}: {number(float(known[0]), 5)}{of} at first, {number(float(known[-1]), 5)}{of} at last."
+    return svg(figure, alt, f"{what}; least {number(float(known.min()), 5)}{of}, largest "
+                            f"{number(float(known.max()), 5)}{of}.")

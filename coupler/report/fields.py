@@ -28,12 +28,14 @@ from coupler.report.figures import (
     Shown,
     axis_names,
     choose,
+    named,
     number,
     page_figure,
     png,
     progress,
     shown,
 )
+from coupler.report.player import title_of
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.integer]
@@ -90,7 +92,7 @@ def _temperatures(results: Results, file: FieldReader) -> list[Picture]:
                     f"Shown: the first and the last frame{near} and frames with the largest changes.", narrow)]
     if "f_s" in file.point_fields:
         f_s = [file.point_field("f_s", k) for k in picks]
-        figure = _frames(file, picks, f_s, (0.0, 1.0), "solid fraction [1]", axes)
+        figure = _frames(file, picks, f_s, (0.0, 1.0), "solid fraction", axes)
         pictures.append(png(figure, f"Solid fraction of the bodies at t = {times}.",
                             "Solid fraction at the same times: 1 is solid (also bodies that do not melt).",
                             narrow))
@@ -203,7 +205,7 @@ def _largest(results: Results, file: FieldReader, field: OutputField) -> list[Pi
     limits = (min(float(value.min()), 0.0), max(float(value.max()), 0.0)) if field.unit != "K" else (
         float(value.min()), float(value.max()))
     _bar(panels, _paint(panels.axes[0], panels.length(file.points(k)), file, value, limits),
-         f"{field.label} [{scale.unit}]")
+         named(title_of(field), scale.unit))
     what = field.description or field.label
     text = (f"{what[0].upper()}{what[1:]} ({field.full_name}{', its size' if field.components > 1 else ''}) at "
             f"t = {number(float(file.times[k]), 6)} s, the frame where it is largest")

@@ -99,7 +99,8 @@ RUN_LENGTHS = 3  # as zlib calls it
 class Picture:
     """An image for the page.  src : data URI.  alt : what it shows, in words.  caption : stands below it.
 
-    narrow : not for the whole width of the page.  chart : the same as curves for the page's script.
+    narrow : not for the whole width of the page.  dark : on a dark page its greys are turned round.
+    chart : the same as curves for the page's script.
     still : not needed where the script runs, but on paper (fields) or nowhere (a closer look at a chart).
     """
 
@@ -107,6 +108,7 @@ class Picture:
     alt: str
     caption: str
     narrow: bool = False
+    dark: bool = False
     chart: Chart | None = None
     still: bool = False
 
@@ -169,18 +171,18 @@ def svg(figure: PageFigure, alt: str, caption: str = "") -> Picture:
     # Not savefig: it draws everything once more before, for layouts that measure.  (Canvases have no types.)
     canvas: Any = FigureCanvasSVG(figure)
     canvas.print_svg(file, metadata={"Date": None})
-    return _picture(file, "image/svg+xml", alt, caption)
+    return replace(_picture(file, "image/svg+xml", alt, caption), dark=True)
 
 
-def png(figure: PageFigure, alt: str, caption: str = "", narrow: bool = False) -> Picture:
-    """A figure as a picture of pixels."""
+def png(figure: PageFigure, alt: str, caption: str = "", narrow: bool = False, dark: bool = False) -> Picture:
+    """A figure as a picture of pixels.  dark : as in Picture, for colours that say what and not how much."""
     file = io.BytesIO()
     place(figure)
     figure.set_dpi(PNG_DPI)
     # Runs of equal pixels are most of what there is: finding no more than those takes a third of the time.
     canvas: Any = FigureCanvasAgg(figure)
     canvas.print_png(file, pil_kwargs={"compress_type": RUN_LENGTHS})
-    return replace(_picture(file, "image/png", alt, caption), narrow=narrow)
+    return replace(_picture(file, "image/png", alt, caption), narrow=narrow, dark=dark)
 
 
 def _picture(file: io.BytesIO, mime: str, alt: str, caption: str) -> Picture:
@@ -233,6 +235,12 @@ def shown(unit: str, largest: float, temperature_unit: str = "K") -> Shown:
     multiples = MULTIPLES.get(unit, ((1.0, unit),))
     factor, name = [m for m in multiples if largest * m[0] >= 1.0 or m is multiples[0]][-1]
     return Shown(factor, 0.0, name)
+
+
+def named(what: str, unit: str) -> str:
+    """A quantity beside an axis, with its unit; a share or a count has none."""
+    # fault: the unit 1 stands beside an axis -> return f"{what} [{unit}]" | coupler/test_report
+    return what if unit == "1" else f"{what} [{unit}]"
 
 
 def axis_names(geometry: str) -> tuple[str, str]:

@@ -31,6 +31,7 @@ from coupler.schemes.ledger import PREFIX, mechanism
 Array = NDArray[np.float64]
 STORED = "stored."
 POINTS = 200  # of a curve of the still picture
+DIGITS = 6  # of the largest heat of a table
 # What leaves one side enters the other; friction is not among them, both sides get heat.
 SIDES = {"contact": "solid contact", "gap": "gas gap", "near_radiation": "near radiation"}
 
@@ -56,22 +57,34 @@ def heat_table(results: Results) -> HeatTable | None:
     if not any(np.any(history[n]) for n in ledger):
         return None
     scale = shown("J", max(abs(e) for e in ledger.values()))
+    digits = _decimals(scale(np.array(list(ledger.values()))))
 
     def rows(stored: bool) -> list[tuple[str, str]]:
-        return [(mechanism(PREFIX + n), _in(scale, e)) for n, e in ledger.items() if n.startswith(STORED) == stored]
+        return [(mechanism(PREFIX + n), _in(scale, e, digits)) for n, e in ledger.items()
+                if n.startswith(STORED) == stored]
 
     def total(stored: bool) -> str:
-        return _in(scale, sum(e for n, e in ledger.items() if n.startswith(STORED) == stored))
+        return _in(scale, sum(e for n, e in ledger.items() if n.startswith(STORED) == stored), digits)
 
-    return HeatTable(scale.unit, rows(False), rows(True), total(False), total(True), _sides(ledger, scale),
+    return HeatTable(scale.unit, rows(False), rows(True), total(False), total(True), _sides(ledger, scale, digits),
                      number(results.heat_imbalance, 2))
 
 
-def _in(scale: Shown, energy: float) -> str:
-    return number(float(scale(np.array(energy))), 6)
+def _decimals(heats: Array) -> int:
+    """Decimals with which the largest heat has six digits, less where all end in zeros: columns add up by eye."""
+    most = max(DIGITS - 1 - int(np.floor(np.log10(np.abs(heats).max()))), 0)
+    whole = np.round(heats, most)
+    return next(n for n in range(most + 1) if (np.abs(np.round(heats, n) - whole) < 0.1 * 10.0**-most).all())
 
 
-def _sides(ledger: Mapping[str, float], scale: Shown) -> list[tuple[str, str, str, str]]:
+def _in(scale: Shown, energy: float, decimals: int) -> str:
+    # fault: every heat has decimals of its own -> text = number(float(scale(np.array(energy))), DIGITS) |
+    #   coupler/test_report
+    text = f"{float(scale(np.array(energy))):.{decimals}f}"
+    return text.removeprefix("-") if float(text) == 0.0 else text
+
+
+def _sides(ledger: Mapping[str, float], scale: Shown, digits: int) -> list[tuple[str, str, str, str]]:
     """What each side of an interface got, taken from its own numbers, and how far the two are from cancelling."""
     rows = []
     for term, name in SIDES.items():
@@ -80,7 +93,7 @@ def _sides(ledger: Mapping[str, float], scale: Shown) -> list[tuple[str, str, st
             continue
         size = abs(slave) + abs(master)
         misfit = abs(slave + master) / size if size else 0.0
-        rows.append((name, _in(scale, slave), _in(scale, master), number(misfit, 2)))
+        rows.append((name, _in(scale, slave, digits), _in(scale, master, digits), number(misfit, 2)))
     return rows
 
 

@@ -47,6 +47,7 @@ from coupler.trust.checks import TrustVerdict
 
 LISTED_AT_MOST = 100
 AT_ONCE = 1e-6  # of the run: what closes so early was in touch
+SAME_HEAT = 1e-12  # of the heat that was made: round-off
 SAME_T = 1e-9  # of the absolute temperature: round-off of one temperature everywhere
 
 # What became of a run, as its banner says it; a completed run has none.
@@ -165,8 +166,8 @@ def _exact_sentence(results: Results) -> str:
     if results.ledger and not moved:
         parts.append("No heat moves in this run")
     if moved:
-        closes = number(results.heat_imbalance, 2) if results.heat_imbalance > 0.0 else "round-off"
-        parts.append(f"The energy balance of the run closes to {closes} of the heat moved")
+        off = number(results.heat_imbalance, 2) if results.heat_imbalance > 0.0 else "below round-off"
+        parts.append(f"The relative energy-balance error is {off}")
     errors = {n: e for n, e in results.probe_errors.items() if e.range > 0.0}
     if errors:
         worst = max(errors, key=lambda n: errors[n].error / errors[n].range)
@@ -197,12 +198,17 @@ def extreme_rows(results: Results) -> list[Extreme]:
         #   coupler/test_extremes
         low, high = int(np.nanargmin(course[:, 0])), int(np.nanargmax(course[:, 1]))
         unit = fields[name].unit
-        scale = shown(unit, float(np.nanmax(np.abs(course))), results.header["temperature_unit"])
+        least, most = float(course[low, 0]), float(course[high, 1])
         of = " (size)" if fields[name].components == 2 else ""
-        rows.append(Extreme(f"{title_of(fields[name])}{of}", scale.text(float(course[low, 0]), 5),
-                            number(float(results.t[low]), 6), scale.text(float(course[high, 1]), 5),
+        rows.append(Extreme(f"{title_of(fields[name])}{of}", _alone(results, unit, least),
+                            number(float(results.t[low]), 6), _alone(results, unit, most),
                             number(float(results.t[high]), 6)))
     return rows
+
+
+def _alone(results: Results, unit: str, value: float) -> str:
+    """A value in the multiple of its unit that fits it alone."""
+    return shown(unit, abs(value), results.header["temperature_unit"]).text(value, 5)
 
 
 def _became(outcome: str) -> str:
@@ -219,7 +225,10 @@ def wall_seconds(results: Results) -> float:
 def scenario_facts(results: Results) -> list[tuple[str, str]]:
     """What was run: rows of a table."""
     h, c = results.header, results.header["coupling"]
-    end, planned = float(c["end"]), int(c["windows"])
+    end = float(c["end"])
+    # fault: the ends that adaptive windows must meet are told as their number -> planned = counted(int(c["windows"]),
+    #   "window") | coupler/test_report
+    planned = "adaptive windows" if c.get("adaptive") else counted(int(c["windows"]), "window")
     facts = [
         ("scenario", f"{h['scenario']['file']} (hash {str(h['scenario']['hash'])[:12]})"),
         ("halves", ", ".join(f"{side}: {kind}" for side, kind in h["halves"].items())),
@@ -227,7 +236,7 @@ def scenario_facts(results: Results) -> list[tuple[str, str]]:
         ("contact pairs", "; ".join(f"{p['name']}: slave {p['slave']}, master {p['master']}"
                                     + ", tied" * bool(p.get("tied")) for p in h["pairs"])
          or "none"),
-        ("coupling", f"{c['scheme']}, {counted(planned, 'window')} planned to t = {number(end, 6)} s; "
+        ("coupling", f"{c['scheme']}, {planned} to t = {number(end, 6)} s; "
          + ", ".join(f"{counted(int(n), side + ' substep')} a window" for side, n in c["substeps"].items())),
         ("breakpoints", ", ".join(f"{number(float(k), 6)} s" for k in c["kinks"]) or "none"),
         ("ran", f"{h['started']}, {'each half in its own process' if h['processes'] else 'in one process'}, "
@@ -239,8 +248,11 @@ def scenario_facts(results: Results) -> list[tuple[str, str]]:
         heat = results.totals.get(name.replace(" ", "_"), {})
         if not (heat.get("made") or heat.get("carried")):
             continue
-        facts.append((name, f"made {number(heat['made'])} J, delivered {number(heat['delivered'])} J, "
-                      f"carried past the end {number(heat['carried'])} J"))
+        rest = float(heat["carried"])
+        # Round-off of what was made is nothing that was left.
+        left = (f"not yet delivered at the end {number(rest)} J" if abs(rest) > SAME_HEAT * abs(heat["made"])
+                else "all of it")
+        facts.append((name, f"made {number(heat['made'])} J, delivered {number(heat['delivered'])} J, {left}"))
     return facts
 
 

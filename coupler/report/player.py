@@ -236,13 +236,16 @@ def line_data(results: Results, pack: Pack, times: Sequence[float]) -> list[dict
         pressure = [("pressure", scale(p))]
         if along.t_T is not None and np.nan_to_num(np.abs(along.t_T)).any():
             pressure.append(("shear", scale(along.t_T[rows].astype(float))))
-        groups = [(f"pressure [{scale.unit}]", pressure)]
+        # fault: a pressure that is never there is an empty chart -> groups = [(f"pressure [{scale.unit}]", pressure)] |
+        #   coupler/test_live::test_what_is_never_pressed_has_no_chart_of_pressure
+        groups = [(f"pressure [{scale.unit}]", pressure)] if top > 0.0 else []
         gap = np.where(along.gap[rows] >= np.float32(pair["gap_max"]), np.nan, along.gap[rows].astype(float))
         if np.isfinite(gap).any():
             wide: Shown = shown("m", float(np.nanmax(np.abs(gap))))
             groups.append((f"gap [{wide.unit}]", [("gap", wide(gap))]))
         found.append({"pair": pair["name"], "slave": pair["slave"], "s": pack.put(length(along.s)),
                       "t": pack.put(results.t[rows]), "label": f"along {pair['slave']} [{length.unit}]",
+                      "pressed": top > 0.0,
                       "nodes": nodes_of(results, mesh, pair, along).tolist(),
                       "fields": [_group(label, curves, pack) for label, curves in groups]})
     return found

@@ -13,10 +13,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from contact.problem.values import did_you_mean
 from coupler.errors import ResultsError, ScenarioError
 from coupler.fmu.units import COMMON
 from coupler.record.results import Results
 from coupler.report.comparison import Comparison, compare
+from coupler.report.curves import NAMES
 from coupler.report.figures import number
 
 Array = NDArray[np.float64]
@@ -152,10 +154,25 @@ def verdict(a: Results, b: Results, within: Mapping[str, Bound]) -> Verdict:
     meshes = not _mesh_keys(a, b)
     if changed := tuple(_changed(a, b)):
         return Verdict(changed, (), (), meshes)
-    judged, unjudged = _probes(a, b, compare(a, b), within)
+    comparison = compare(a, b)
+    demand_names(within, {d.curves.name: d.curves.quantity for d in comparison.differences})
+    judged, unjudged = _probes(a, b, comparison, within)
     if meshes:
         judged += _fields(a, b, within, judged)
     return Verdict((), tuple(judged), tuple(unjudged), meshes)
+
+
+def demand_names(within: Mapping[str, Bound], probes: Mapping[str, str]) -> None:
+    """Raise ScenarioError for a bound of what is no quantity, probe or field: it would be left out in silence.
+
+    probes : their quantities by name.
+    """
+    known = dict.fromkeys([*NAMES, *FIELDS.values(), *probes.values(), *probes, *FIELDS])
+    for name in within:
+        # fault: a bound of nothing that there is is left out -> if False: | coupler/test_verdict
+        if name not in known:
+            raise ScenarioError("there is no quantity, probe or field of this name", key="--within", value=name,
+                                remedy=did_you_mean(name, known))
 
 
 # The scene

@@ -18,6 +18,7 @@ from coupler.rules.instant import passed
 from coupler.scenario.options import Scheme
 from coupler.scenario.rule_model import (
     COUPLER,
+    COUPLER_UNITS,
     INCREMENT,
     RATE,
     Action,
@@ -181,6 +182,17 @@ def wanted(rules: Sequence[Rule]) -> tuple[str, ...]:
     """
     read: set[str] = set().union(*(r.monitors for r in rules))
     return tuple(sorted(read | outputs(read)))
+
+
+def units(rules: Sequence[Rule], blocks: Blocks) -> dict[str, str]:
+    """SI unit of each monitor that the rules read, "1" for a number.  blocks : of each half, by role and name."""
+    found = {}
+    for monitor in wanted(rules):
+        half, _, name = monitor.partition(".")
+        block = blocks.get(half, {}).get(name.partition("[")[0])
+        # fault: monitors have no unit -> found[monitor] = "1" | coupler/test_rules
+        found[monitor] = block.unit if block is not None else COUPLER_UNITS.get(monitor, "1")
+    return found
 
 
 def first_memory(rules: Sequence[Rule], monitors: Mapping[str, float]) -> Memory:

@@ -55,6 +55,8 @@ def _journal(path: Path) -> Path:
     if not journal.exists():
         if path.exists() and Results(path).outcome == "completed":
             raise ResultsError(f"{path}: its run is complete; there is nothing to resume")
+        if not path.exists():
+            raise ResultsError(f"{path}: there is no such file, and no journal of a run beside it. Check the path")
         raise ResultsError(f"{path}: there is no journal of a run beside it, so nothing can be resumed; run it anew")
     try:
         goes_on = being_written(journal)

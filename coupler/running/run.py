@@ -176,7 +176,8 @@ class Run:
                 self._continue_from(self._since, both)
             header = {**header_of(self.scenario, self.plan, self._outputs.fields, self._probes.about,
                                   self._conditions.outputs), "processes": self.processes, "notes": self.notes,
-                      "ranges": self._outputs.range_names}
+                      "ranges": self._outputs.range_names,
+                      "monitors": rules.units(self.plan.rules, {role: half.blocks for role, half in both.items()})}
             self._recorder = Recorder(self.out, header, interface,
                                       self._since.record.mark if self._since else None)
             self._recorder.rows = self._since.record.rows if self._since else 0

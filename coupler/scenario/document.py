@@ -155,7 +155,7 @@ MAX_VALUES = 100_000
 MAX_DEPTH = 40
 MAX_MERGED = 10_000  # keys that all `<<` bring in, which the reader copies one by one
 MAX_NAME = 100  # letters of a key: names become those of files and of variables
-YAML_REMEDY = "Check indentation, brackets, colons and quotes there."
+YAML_REMEDY = "Check indentation, brackets, colons and quotes there and on the line before."
 _ALIAS = re.compile(r"(?:^|[\s\[{,])\*[^\s\[\]{},*]", re.MULTILINE)
 _BRACKET = re.compile(r"[\[{\]}]")
 

@@ -229,6 +229,9 @@ COUPLER = {
 }
 """Monitors of the coupler, each with its unit or meaning; one that a window does not have is not known in it."""
 
+COUPLER_UNITS = {"t": "s", "window": "s", "max_T": "K", "max_p": "Pa"}
+"""Units of those that have one; all others are numbers."""
+
 SHORT = {
     "max_dT": "thermal.max_dT", "heat_stored": "thermal.heat_stored",
     "max_strain_increment": "mechanical.max_strain_increment", "max_strain_rate": "mechanical.max_strain_rate",

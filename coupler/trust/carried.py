@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-from coupler.trust.checks import Check, measured
+from coupler.trust.checks import Check, amount, measured
 
 NOTE_AT = 0.01  # of the span of temperatures: what a reader sees in a curve
 NAME, SHAPES = "temperatures carried to the scene's mesh", "displacements carried to the scene's mesh"
@@ -56,6 +56,6 @@ def checks(log: CarriedLog, span: float, own_mesh: bool) -> tuple[Check, ...]:
     #   coupler/test_own_meshes::test_what_the_scene_s_mesh_does_not_hold_is_told_and_breaks_nothing
     share = log.off / span if span > 0.0 else 0.0
     what = (f"the scene's mesh does not hold the thermal half's temperatures: there and back they differ by up to "
-            f"{log.off:.3g} K, {100 * share:.2g} % of their span, at t = {log.t:.6g} s")
+            f"{amount(log.off, 'K')}, {100 * share:.2g} % of their span, at t = {log.t:.6g} s")
     return (measured(NAME, share, (NOTE_AT, math.inf), what=what, t=log.t,
                      remedy="Where bodies expand much, or probes stand there, refine the mesh of the bodies"),)

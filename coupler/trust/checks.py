@@ -23,14 +23,16 @@ PREFIXED = ("Pa", "J", "N", "W/m2")  # units of which engineers write thousands 
 def amount(value: float, unit: str) -> str:
     """A value with its unit, to three digits: 1.28 kPa and not 1.28e+03 Pa.
 
-    >>> amount(1283.0, "Pa"), amount(2.4e-5, "m"), amount(73.7, "K")
-    ('1.28 kPa', '0.024 mm', '73.7 K')
+    >>> amount(1283.0, "Pa"), amount(2.4e-5, "m"), amount(73.7, "K"), amount(3441.2, "K")
+    ('1.28 kPa', '0.024 mm', '73.7 K', '3440 K')
     """
     # fault: a pressure is told with a power of ten -> if False: | coupler/test_trust_errors
     if unit in PREFIXED and abs(value) >= 1e3:
         factor, prefix = next(pair for pair in ((1e9, "G"), (1e6, "M"), (1e3, "k")) if abs(value) >= pair[0])
         return f"{value / factor:.3g} {prefix}{unit}"
-    return f"{1e3 * value:.3g} mm" if unit == "m" and abs(value) < 1.0 else f"{value:.3g} {unit}"
+    value, unit = (1e3 * value, "mm") if unit == "m" and abs(value) < 1.0 else (value, unit)
+    digits = f"{float(f'{value:.3g}'):.0f}" if 1e3 <= abs(value) < 1e6 else f"{value:.3g}"
+    return f"{digits} {unit}"
 
 
 @dataclass(frozen=True)

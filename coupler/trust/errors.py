@@ -320,12 +320,12 @@ def check(log: ErrorLog, probes: Mapping[str, str], adaptive: bool) -> Check:
     shares = np.divide(estimated(log), scale, out=np.zeros(len(names)), where=scale > 0.0)
     k = int(shares.argmax())
     unit = probes[names[k]]
-    worst = [f"{names[i]} {100 * shares[i]:.3g} %" for i in np.argsort(-shares)[1:4] if shares[i] > NOTE_AT]
+    worst = [f"{names[i]} by {100 * shares[i]:.3g} %" for i in np.argsort(-shares)[1:4] if shares[i] > NOTE_AT]
     return measured(
         NAME, float(shares[k]), (NOTE_AT, LIMIT), t=log.t,
         what=f"probe {names[k]} may be off by {100 * shares[k]:.3g} % of its range "
              f"({amount(shares[k] * scale[k], unit)})"
-             + (f"; {', '.join(worst)}" if worst else "")
-             + f": the error of {log.looked} of {log.windows} windows, compared with two of half the size, carried on",
+             + (f", {', '.join(worst)}" if worst else "")
+             + f", as estimated from {log.looked} of {log.windows} windows, each solved again as two of half the size",
         remedy="A smaller coupling.adaptive.tolerance" if adaptive else
                "Use smaller windows, or coupling.adaptive; scheme: iterated removes the error of the exchange")

@@ -14,7 +14,7 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 
 from coupler.schemes.state import T_MISSED
-from coupler.trust.checks import Check, measured
+from coupler.trust.checks import Check, amount, measured
 
 LIMITS = (0.05, 0.2)  # of the span of temperatures: noted, broken
 NAME = "cells fine enough for heat"
@@ -56,7 +56,7 @@ def checks(log: HeatMeshLog, span: float, meeting: Iterable[tuple[str, str]]) ->
     more = max(2, math.ceil(math.sqrt(share / LIMITS[0])))
     return (measured(
         NAME, share, LIMITS, t=log.t,
-        what=f"the cells of {' and '.join(worst)} are too large for the heat: they miss about {off:.3g} K of the "
-             f"temperature differences that drive it, {100 * share:.3g} % of the span of temperatures up to "
+        what=f"the cells of {' and '.join(worst)} are too large for the heat: they miss about {amount(off, 'K')} of "
+             f"the temperature differences that drive it, {100 * share:.3g} % of the span of temperatures up to "
              f"t = {log.t:.6g} s, and the heat, or the temperatures it makes, are off by about as much",
         remedy=f"Use {more} times as many cells along each edge there, or smaller cells where heat enters and leaves"),)

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from contact.half.functions import Field, Profile, field_from
 from coupler.schemes.levels import Level
-from coupler.trust.checks import Check, TrustVerdict, measured
+from coupler.trust.checks import Check, TrustVerdict, amount, measured
 
 Array = NDArray[np.float64]
 
@@ -180,6 +180,6 @@ def check(log: TemperatureLog, where: str) -> Check:
         return Check(NAME, TrustVerdict.UNCHECKED,
                      what="sources or fluxes heat and cool the bodies, or the half does not report them")
     side = "below the lowest" if log.excess < 0.0 else "above the highest"
-    what = (f"{where} is {abs(log.excess):.3g} K {side} of its data so far, {log.bound:.6g} K, at "
+    what = (f"{where} is {amount(abs(log.excess), 'K')} {side} of its data so far, {log.bound:.6g} K, at "
             f"t = {log.t:.6g} s, {100 * log.share:.3g} % of the span: an undershoot or overshoot that is not physical")
     return measured(NAME, log.share, (NOTE_AT, LIMIT), what=what, remedy=remedy, t=log.t)

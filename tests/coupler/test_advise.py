@@ -12,7 +12,7 @@ import pytest
 from coupler import load_scenario
 from coupler.errors import ScenarioError
 from coupler.experiments.advice_text import advice, misses
-from coupler.experiments.advise import advised, text_of, variant
+from coupler.experiments.advise import AdviceOptions, advise, advised, text_of, variant
 from coupler.experiments.findings import (
     Findings,
     Goal,
@@ -286,3 +286,9 @@ def test_a_file_with_anchors_is_written_anew(tmp_path: Path) -> None:
     edits = [Edit(drop=(("thermal", "boundary", 1),))]
     written = text_of(document, edits, ["x"], tmp_path / "advised.yaml")
     assert document_from(tmp_path / "advised.yaml", written).tree == edited(document.tree, edits)
+
+
+def test_a_probe_that_is_not_there_is_told_before_anything_runs(tmp_path: Path) -> None:
+    with pytest.raises(ScenarioError, match=r"--for.*no such probe.*foo"):
+        advise(ROOT / "scenarios" / "heated_bars.yaml", tmp_path / "advice", AdviceOptions(("foo=1K",), {}, 600.0, 8))
+    assert not (tmp_path / "advice").exists()

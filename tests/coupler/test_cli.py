@@ -14,6 +14,11 @@ import psutil
 import pytest
 
 from coupler import Results, load_scenario
+from coupler.cli.running import _reported
+from coupler.errors import SlidelineError
+
+sys.path.insert(0, str(Path(__file__).parent))
+from synthetic_run import write_run
 
 ROOT = Path(__file__).resolve().parents[2]
 BARS = str(ROOT / "scenarios/heated_bars.yaml")
@@ -129,3 +134,45 @@ def test_ctrl_c_leaves_a_readable_file_and_no_process(tmp_path, how):
     assert results.outcome == "interrupted"
     assert 0 < results.t[-1] < 25000
     assert len(results.probe("lower.top.left")[1]) == len(results.t)
+
+
+def test_a_run_that_fails_has_its_page_too(tmp_path):
+    out, page = tmp_path / "run.h5", tmp_path / "run.html"
+    write_run(out)
+    with pytest.raises(SlidelineError), _reported(out, True):
+        raise SlidelineError("it failed before it wrote anything: the file is that of an earlier run")
+    assert not page.exists()
+
+    def fails():
+        with _reported(out, True):
+            out.unlink()
+            write_run(out, outcome="failed", message="no equilibrium")
+            raise SlidelineError("no equilibrium")
+
+    with pytest.raises(SlidelineError) as failed:
+        fails()
+    assert "This run failed." in page.read_text("utf-8")
+    assert str(page) in failed.value.__notes__[0]
+
+
+def test_flags_take_no_value(tmp_path):
+    """`--report <bool>` looks as if a value followed."""
+    for arguments in (("--help",), ("run", "--help"), ("verify-half", "--help")):
+        done = slideline(tmp_path, *arguments)
+        assert done.returncode == 0, done.stderr
+        assert "--help" in done.stdout
+        assert "bool" not in done.stdout
+
+
+def test_bounds_of_a_comparison_are_checked_before_anything_runs(tmp_path):
+    """They were left out in silence: without a comparison, and of quantities that nothing has."""
+    for arguments, said in ((("--within", "T=1K"), "Add --compare"),
+                            (("--swap", "mechanical=elastic", "--compare", "--within", "temp=1K"), "got 'temp'")):
+        done = slideline(tmp_path, "run", BARS, *arguments)
+        assert (done.returncode, said in done.stderr, "--within" in done.stderr) == (2, True, True), done.stderr
+        assert not list(tmp_path.iterdir())
+
+
+def test_a_study_without_a_grid_is_one_line(tmp_path):
+    done = slideline(tmp_path, "study", BARS, "--grid", "foo=1")
+    assert (done.returncode, done.stderr.count("\n")) == (2, 1), done.stderr

@@ -70,7 +70,18 @@ def test_tries_of_one_window_are_one_line() -> None:
     assert first == ("window 1 at t = 1 s, 2 s iterated: the mechanical solver failed (nothing holds body [b]); "
                      "the mechanical solver failed (no equilibrium); the step was rejected 10 times; "
                      "accepted with 0.002 s iterated")
-    assert "| window 1/200 of 0.002 s (10 rejected)" in second
+    assert "| window 1 of 0.002 s (10 rejected)" in second
+
+
+def test_no_window_is_beyond_the_planned_ones() -> None:
+    """After a rejection there are more windows than were planned: "window 5/4" was said."""
+    line, file = shown()
+    with line:
+        line(replace(FIRST, number=1, total=4))
+        line(replace(FIRST, number=5, total=4))
+    first, second = file.getvalue().splitlines()[1:]
+    assert "| window 1/4 of" in first
+    assert "| window 5 of" in second
 
 
 def test_errors_that_are_too_large_are_told_ten_times() -> None:

@@ -149,6 +149,36 @@ def test_the_whole_view_holds_the_bodies_at_all_times(page: Browser) -> None:
 
 
 @needs_browser
+def test_charts_are_drawn_anew_for_paper(page: Browser) -> None:
+    """Letters of a chart of the width of a screen, made smaller to fit a sheet, cannot be read."""
+    widths = "[...document.querySelectorAll('svg.plot')].map((e) => e.viewBox.baseVal.width)"
+    before = page.value(widths)
+    page.value("window.dispatchEvent(new Event('beforeprint'))")
+    # What observes the size of the page draws too, a frame later.
+    page.value("new Promise((done) => requestAnimationFrame(() => requestAnimationFrame(done)))")
+    assert set(page.value(widths)) == {700}
+    page.value("window.dispatchEvent(new Event('afterprint'))")
+    assert page.value(widths) == before
+    assert max(before) > 1000
+    assert page.troubles == []
+
+
+@needs_browser
+def test_what_is_never_pressed_has_no_chart_of_pressure(browser: Browser, ran: Results, tmp_path: Path) -> None:
+    charts = """[...document.querySelectorAll('[data-line] svg.plot')].map((e) => e.getAttribute('aria-label')
+      .split(' ')[0])"""
+    browser.open(ran.path.with_suffix(".html"))
+    assert browser.value(charts) == ["pressure", "gap"]
+    apart = Results(ran.path)
+    for along in apart.contact.values():
+        along.t_N[:] = 0.0
+    browser.open(write_report(apart, tmp_path / "apart.html"))
+    assert browser.value(charts) == ["gap"]
+    assert "the pressure is 0 throughout the run" in browser.value("document.querySelector('[data-line]').textContent")
+    assert browser.troubles == []
+
+
+@needs_browser
 def test_numbers_beside_an_axis_are_whole_and_clear_of_its_name(browser: Browser, tmp_path: Path) -> None:
     results = write_run(tmp_path / "run.h5", Case(frames=3))
     with h5py.File(results.path, "r+") as f:

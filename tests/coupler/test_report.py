@@ -12,12 +12,13 @@ import numpy as np
 import pytest
 
 from coupler.errors import ResultsError
+from coupler.fmu.outputs import On, OutputField
 from coupler.record.paths import journal_of
 from coupler.record.results import Results
 from coupler.report import write_report
 from coupler.report.curves import eventful
 from coupler.report.fields import outline
-from coupler.report.figures import choose, duration, number, shown, spread
+from coupler.report.figures import choose, duration, named, number, shown, spread
 from coupler.report.page import render
 
 sys.path.insert(0, str(Path(__file__).parent))
@@ -78,7 +79,7 @@ def test_summary_tells_the_numbers(page: Page) -> None:
                       r"(\d+) solver calls, in ([\d.]+) s of wall-clock time", page.words)
     assert found is not None
     assert [float(x) for x in found.groups()] == [25000, 40, 4, 84, 2.5]
-    assert "energy balance of the run closes to 0.0001 of" in page.words
+    assert "The relative energy-balance error is 0.0001." in page.words
     assert "highest temperature is 1000 °C" in page.words
     assert "highest contact pressure is 10 MPa, at t = 12500 s" in page.words
     assert "press on each other first at t = 10625 s" in page.words
@@ -89,13 +90,13 @@ def test_a_completed_run_has_no_banner(page: Page) -> None:
 
 
 def test_heat_table_holds_the_ledger(page: Page) -> None:
-    assert page.row("prescribed temperature, in") == ["prescribed temperature, in", "2.8"]
-    assert page.row("convection")[1] == "-0.8"
+    assert page.row("prescribed temperature, in") == ["prescribed temperature, in", "2.8000"]
+    assert page.row("convection")[1] == "-0.8000"
     names = [r[0] for r in page.rows if r]
     assert [names.count(n) for n in ("convection", "stored in lower", "stored in upper")] == [1, 1, 1]
     assert page.row("stored in upper")[1] == "0.5992"
-    assert [r[1] for r in page.rows if r and r[0] == "total"] == ["2", "1.9992"]
-    assert page.row("solid contact") == ["solid contact", "-1.2", "1.2", "0"]
+    assert [r[1] for r in page.rows if r and r[0] == "total"] == ["2.0000", "1.9992"]
+    assert page.row("solid contact") == ["solid contact", "-1.2000", "1.2000", "0"]
     assert "per metre of depth" in page.words
 
 
@@ -289,6 +290,43 @@ def test_durations() -> None:
     assert [duration(s) for s in (0.0123, 59.0, 185.0, 7800.0)] == ["0.0123 s", "59 s", "3 min 5 s", "2 h 10 min"]
 
 
+@pytest.mark.parametrize(("rest", "said"), [(-4.9e-32, "all of it"), (1e-3, "at the end 0.001 J")])
+def test_round_off_of_heat_is_not_told_as_heat(rest: float, said: str, tmp_path: Path) -> None:
+    record(tmp_path / "run.h5", CASE).end("completed", "", {
+        "seconds": 1.0, "setup_seconds": 0.5, "friction_heat": {"made": 3509.0, "delivered": 3509.0, "carried": rest}})
+    assert page_of(Results(tmp_path / "run.h5"), tmp_path).row("friction heat")[1].endswith(said)
+
+
+def test_a_share_has_no_unit_beside_an_axis(tmp_path: Path) -> None:
+    assert (named("solid fraction", "1"), named("gap", "mm")) == ("solid fraction", "gap [mm]")
+    results = write_run(tmp_path / "run.h5", Case(melts=True))
+    # The script has indices in brackets.
+    assert "[1]" not in render(results).partition("<script>")[0]
+
+
+def test_planned_windows_are_told_where_they_are_planned(tmp_path: Path) -> None:
+    """Of adaptive windows only the ends are known that they must meet."""
+    results = write_run(tmp_path / "run.h5")
+    for adaptive, said in ((False, "40 windows to t = 25000 s"), (True, "adaptive windows to t = 25000 s")):
+        results.header["coupling"]["adaptive"] = adaptive
+        assert said in page_of(results, tmp_path).row("coupling")[1]
+
+
+def test_extremes_have_the_unit_that_fits_each(tmp_path: Path) -> None:
+    results = write_run(tmp_path / "run.h5")
+    results.header["outputs"] = [OutputField("mechanical", "sigma_v", "sigma_v", On.CELLS, (0,), "Pa").to_json()]
+    results.extremes["mechanical.sigma_v"] = np.array([[3.4, 20.0], [5.0, 9.6e7]] + [[5.0, 1e6]] * (len(results.t) - 2))
+    row = page_of(results, tmp_path).row("von Mises stress")
+    assert (row[1], row[3]) == ("3.4 Pa", "96 MPa")
+
+
+def test_what_rules_look_at_has_its_unit(tmp_path: Path) -> None:
+    results = write_run(tmp_path / "run.h5")
+    results._monitors = {"mechanical.reaction.die[2]": np.linspace(0.0, -73066.0, len(results.t))}
+    results.header["monitors"] = {"mechanical.reaction.die[2]": "N"}
+    assert "least -73.066 kN, largest 0 kN" in page_of(results, tmp_path).words
+
+
 def test_solid_fraction_and_flux_are_shown_where_a_run_has_them(tmp_path: Path) -> None:
     results = write_run(tmp_path / "run.h5", Case(melts=True))
     alts = [i["alt"] for i in page_of(results, tmp_path).images]
@@ -304,5 +342,5 @@ def test_heats_of_the_mechanical_half_are_told_apart(tmp_path: Path) -> None:
         "seconds": 1.0, "setup_seconds": 0.5, "mechanical_heat": {"made": 0.0, "delivered": 0.0, "carried": 0.0},
         "friction_heat": {"made": 5.0, "delivered": 4.0, "carried": 1.0}})
     page = page_of(Results(tmp_path / "run.h5"), tmp_path)
-    assert page.row("friction heat")[1] == "made 5 J, delivered 4 J, carried past the end 1 J"
+    assert page.row("friction heat")[1] == "made 5 J, delivered 4 J, not yet delivered at the end 1 J"
     assert not any(row and row[0] == "mechanical heat" for row in page.rows)

@@ -61,6 +61,14 @@ def firing_times(rule: Rule, values: list[float]) -> list[int]:
     return times
 
 
+def test_monitors_have_the_units_of_what_they_look_at():
+    blocks = {"thermal": lumped(400.0).blocks, "mechanical": shrinking(400.0).blocks}
+    watched = [Rule("r", When(tuple(Test(name, above=1.0) for name in (
+        "thermal.T[1]", "mechanical.x", "window", "max_p", "iterations", "error.gap"))), (Stop("x"),))]
+    assert rules.units(watched, blocks) == {"thermal.T": "K", "thermal.T[1]": "K", "mechanical.x": "m",
+                                            "window": "s", "max_p": "Pa", "iterations": "1", "error.gap": "1"}
+
+
 TWICE = Give("thermal", "load.x", Change(times=2.0), 1.0)
 
 

@@ -44,7 +44,11 @@ function linePlots(host, data, clock, line) {
   let shown = -1;
   const show = (row) => {
     shown = row;
-    title.textContent = `${line.pair}: along ${line.slave} at t = ${shownNumber(times[row], 7)} s`;
+    const alone = line.fields.some((f) => f.label.startsWith("gap"))
+      && !plots.at(-1).rows[0][row].some((gap) => Number.isFinite(gap));
+    title.textContent = `${line.pair}: along ${line.slave} at t = ${shownNumber(times[row], 7)} s`
+      + (line.pressed ? "" : "; the pressure is 0 throughout the run")
+      + (alone ? "; no node faces the other surface at this time" : "");
     for (const { plot, rows, whole } of plots) {
       plot.fixed = own.checked ? null : whole;
       plot.setData(s, rows.map((of) => of[row]));
@@ -54,16 +58,15 @@ function linePlots(host, data, clock, line) {
     const row = nearest(times, now.t);
     if (row !== shown) show(row);
   });
-  return { pressed: (t) => line.nodes.filter((_, k) => {
-    const p = plots[0].rows[0][nearest(times, t)][k];
-    return p > 0;
+  return { plots: plots.map(({ plot }) => plot), pressed: (t) => line.nodes.filter((_, k) => {
+    return line.pressed && plots[0].rows[0][nearest(times, t)][k] > 0;
   }) };
 }
 
 /** The least and the largest value of the field that is shown, of every window: also a way to go to a time. */
 function extremesPlot(host, data, clock, player) {
   const first = data.meta.fields.find((field) => field.extremes);
-  if (!first) return;
+  if (!first) return null;
   // One chart for all fields: those that were chosen before would listen to the clock for ever.
   const series = [["largest anywhere", 1], ["least anywhere", 0]];
   const plot = timePlot(host, data, clock, { t: data.meta.extremes_t, label: "", height: 150, alt: "",
@@ -77,15 +80,15 @@ function extremesPlot(host, data, clock, player) {
     plot.setCursor(clock.t);
   };
   player.chooseField();
+  return plot;
 }
 
 async function start() {
   const data = await readPage();
   const clock = new Clock(...data.meta.span);
   document.documentElement.classList.add("live");
-  for (const host of document.querySelectorAll("[data-chart]")) {
-    timePlot(host, data, clock, data.meta.charts[Number(host.dataset.chart)]);
-  }
+  const charts = [...document.querySelectorAll("[data-chart]")].map((host) =>
+    timePlot(host, data, clock, data.meta.charts[Number(host.dataset.chart)]));
   const lines = [...document.querySelectorAll("[data-line]")].map((host) =>
     linePlots(host, data, clock, data.meta.lines[Number(host.dataset.line)]));
   const host = document.getElementById("player");
@@ -93,9 +96,14 @@ async function start() {
     const player = new Player(host, data, clock);
     player.pressed = (t) => lines.map((line) => line.pressed(t));
     const under = document.getElementById("extremes-chart");
-    if (under) extremesPlot(under, data, clock, player);
+    const extremes = under && extremesPlot(under, data, clock, player);
+    if (extremes) charts.push(extremes);
     window.addEventListener("beforeprint", () => player.pause());
   }
+  // Paper is narrower than a screen: charts that were only made smaller would have letters that nobody reads.
+  const plots = [...charts, ...lines.flatMap((line) => line.plots)];
+  window.addEventListener("beforeprint", () => { for (const plot of plots) plot.drawFor(PAPER); });
+  window.addEventListener("afterprint", () => { for (const plot of plots) plot.drawFor(null); });
   const again = Number(document.documentElement.dataset.renew);
   // A running run: the page is written anew, and what was chosen stands in the address.
   if (again > 0) setTimeout(() => location.reload(), 1000 * again);

@@ -4,6 +4,7 @@ const SPACE = { left: 58, right: 14, top: 12, bottom: 40 };
 const TITLE = 28, LETTER = 7; // pixels: beside the axis' name, and of a digit
 const COLOURS = ["var(--c0)", "var(--c1)", "var(--c2)", "var(--c3)", "var(--c4)", "var(--c5)", "var(--c6)"];
 const DASHES = ["", "7 4", "2 3", "8 3 2 3"];
+const PAPER = 700; // pixels between the margins of a sheet
 let plotsMade = 0;
 
 /**
@@ -17,6 +18,7 @@ class Plot {
     this.id = `plot${plotsMade++}`;
     this.hidden = new Set();
     this.cursor = null;
+    this.given = null;
     this.range = [this.x[0], this.x[this.x.length - 1]];
     this.svg = drawn("svg", { class: "plot", role: "img", tabindex: 0, "aria-label": this.label });
     this.tip = element("div", { class: "tip", hidden: true });
@@ -89,8 +91,14 @@ class Plot {
     return [low - room, high + room];
   }
 
+  /** Draws with a width in pixels, null: that of its place in the page. */
+  drawFor(width) {
+    this.given = width;
+    this.draw();
+  }
+
   draw() {
-    const width = this.width = Math.max(this.svg.parentNode.clientWidth, 200);
+    const width = this.width = this.given || Math.max(this.svg.parentNode.clientWidth, 200);
     const [low, high] = this.heights();
     // As wide as the longest number beside the axis, so that none is cut off or lies across the axis' name.
     const longest = Math.max(...ticksOf(low, high, 5).map((y) => tickNumber(y).length));
