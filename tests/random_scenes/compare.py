@@ -132,7 +132,7 @@ def all_differences(old: Story, changed: Changed, new: Story) -> Iterator[Differ
     """Every quantity with its difference, allowed or not."""
     number = numbers_of(old, changed, new)
     a, b = _common(old, changed, new)
-    allowed = agreement(old.scene, same_windows=len(a) == len(old.t))
+    allowed = agreement(old.scene, same_windows=len(a) == len(old.t), iterated=old.says("iterated from here on"))
     # Temperatures
     T = new.T[b][:, number]
     yield _worst("T", "K", old.T[a], T, allowed.T * float(np.ptp(old.T)) + allowed.K
