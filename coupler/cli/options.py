@@ -46,6 +46,9 @@ ScenarioFile = Annotated[Path, typer.Argument(
     help="The scenario, a YAML file, or a name of `slideline list`.", show_default=False, callback=installed)]
 SetOption = Annotated[list[str] | None, typer.Option(
     "--set", metavar="KEY=VALUE", help="Change a value: coupling.scheme=staggered. May be repeated.")]
+ChangeOption = Annotated[list[str] | None, typer.Option(
+    "--set", metavar="KEY=VALUE", help="Change how the next windows are solved: coupling.scheme=iterated, or "
+    "coupling.substeps, .iteration, .adaptive.most. May be repeated.")]
 SwapOption = Annotated[list[str] | None, typer.Option(
     "--swap", metavar="HALF=KIND", help="Use another half: mechanical=rigid. May be repeated.")]
 

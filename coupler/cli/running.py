@@ -14,6 +14,7 @@ import typer
 
 from coupler.cli.console import ProgressLine, facts, summary
 from coupler.cli.options import (
+    ChangeOption,
     HostsOption,
     JsonOption,
     LogOption,
@@ -24,6 +25,7 @@ from coupler.cli.options import (
     UntilOption,
     WithinOption,
     leave,
+    overrides_of,
     own_scenario_of,
     scenario_of,
 )
@@ -39,7 +41,7 @@ from coupler.record.paths import check_target
 from coupler.record.results import Results
 from coupler.report import write_report
 from coupler.running.progress import Progress
-from coupler.running.resume import resume, resumed
+from coupler.running.resume import changes_of, resume, resumed
 from coupler.running.run import run
 from coupler.running.runlog import RunLog
 from coupler.running.setup import plan_of
@@ -166,15 +168,16 @@ def resume_command(results: Annotated[Path, typer.Argument(help="The results fil
                    processes: ProcessesOption = False, hosts: HostsOption = None, until: UntilOption = None,
                    log: LogOption = None,
                    quiet: Annotated[bool, typer.Option("--quiet", "-q", help="Print no progress.")] = False,
-                   as_json: JsonOption = False) -> None:
+                   as_json: JsonOption = False, sets: ChangeOption = None) -> None:
     """Resume a run that was interrupted, stopped or killed, or that failed, into the same results file."""
+    changes = changes_of(results, overrides_of(sets, None)) if sets else None
     continued = resumed(results, processes=processes, hosts=hosts)
     scenario = continued.scenario
     if not quiet:
         typer.echo(f"{scenario.title}: resuming at t = {continued.start:.9g} s of {scenario.coupling.end:g} s",
                    err=True)
     with ProgressLine(scenario.temperature_unit, quiet=quiet) as line, RunLog(log, results) as written:
-        done = resume(continued, until=until, on_window=_each(line, written))
+        done = resume(continued, until=until, on_window=_each(line, written), changes=changes)
         written.done(done.outcome)
     if as_json:
         typer.echo(json.dumps(facts(done), indent=1, allow_nan=False))

@@ -14,12 +14,12 @@ import pytest
 
 from coupler import Results, run
 from coupler.cli import cli as command_line
-from coupler.errors import CouplingError, ResultsError
+from coupler.errors import CouplingError, ResultsError, ScenarioError
 from coupler.record import checkpoint as keeper_module
 from coupler.record.checkpoint import Checkpoint, Origin, read_checkpoint, to_bytes, versions
 from coupler.record.journal import Journal
 from coupler.record.paths import checkpoint_of, journal_of, making_of, stopped_of
-from coupler.running.resume import resume, resumed
+from coupler.running.resume import changes_of, resume, resumed
 from coupler.running.run import Run
 from coupler.scenario import Scenario, load_scenario
 from coupler.scenario.rule_model import Change, Rule, Substeps, Test, When
@@ -107,6 +107,50 @@ def test_what_a_user_changed_goes_along(tmp_path: Path) -> None:
     assert set(done.windows.scheme[10:]) == {"staggered"}
     assert set(done.windows.thermal_solves[11:13]) == {3}
     assert differences(whole, out) == []
+
+
+def test_a_resume_may_change_how_windows_are_solved(tmp_path: Path) -> None:
+    """As `Run.change` between the same two windows."""
+    out, other = tmp_path / "set.h5", tmp_path / "changed.h5"
+    wanted = {"coupling.scheme": "iterated", "coupling.substeps.thermal": 3,
+              "coupling.iteration.tolerance.temperature.rtol": 1e-6}
+    for path in (out, other):
+        run(casting(**{"coupling.end": 0.2}), path, until=0.1)
+    done = resume(out, changes=changes_of(out, wanted))
+    later = done.windows[done.windows.t >= 0.1 - 1e-9]
+    assert set(later.scheme) == {"iterated"}
+    assert (later.thermal_solves >= 3 * later.iterations).all()
+    assert set(done.windows.scheme[done.windows.t < 0.1 - 1e-9]) == {"extrapolated"}
+    assert any("scheme iterated" in note for note in done.notes)
+    changes = changes_of(other, wanted)
+    with resumed(other) as r:
+        r.change(**changes)
+        for _ in r.windows():
+            pass
+    assert differences(out, other) == []
+
+
+def test_a_resume_may_bound_adaptive_windows(tmp_path: Path) -> None:
+    out = tmp_path / "run.h5"
+    before = run(casting(**ADAPTIVE), out, until=0.5).windows
+    done = resume(out, changes=changes_of(out, {"coupling.adaptive.most": 0.01}))
+    later = done.windows[len(before):]
+    assert before.H.max() > 0.02
+    assert later.H.max() <= 0.01 * (1 + 1e-9)
+    assert done.t[-1] == 2.0
+
+
+@pytest.mark.parametrize(("key", "value", "said"), [
+    ("coupling.end", 3.0, "cannot change in a run that has begun"), ("materials.x.k", 3.0, "cannot change in a run"),
+    ("coupling.schem", "iterated", "cannot change"), ("coupling.scheme", "stagered", "Did you mean 'staggered'"),
+    ("coupling.substeps.thermal", 0, r"coupling\.substeps\.thermal"),
+    ("coupling.adaptive.most", 1.0, "windows are listed or adaptive")])
+def test_what_a_resume_cannot_change_is_refused(key: str, value: object, said: str, tmp_path: Path) -> None:
+    out = tmp_path / "run.h5"
+    run(casting(**{"coupling.end": 0.1}), out, until=0.02)
+    with pytest.raises(ScenarioError, match=said):
+        changes_of(out, {key: value})
+    assert resume(out).outcome == "completed"
 
 
 ADAPTIVE = {"coupling.end": 2.0, "coupling.windows": None, "coupling.adaptive": {"first": 0.02}}
