@@ -123,7 +123,7 @@ class Part(BaseModel):
         unknown = [key for key in data if not cls.knows(key)]
         if not unknown:
             return handler(data)
-        errors = [InitErrorDetails(type=problem("unknown key", did_you_mean(str(key), keys)), loc=(key,),
+        errors = [InitErrorDetails(type=problem("unknown key", cls.meant_by(str(key))), loc=(key,),
                                    input=data[key]) for key in unknown]
         try:
             handler({key: value for key, value in data.items() if cls.knows(key)})
@@ -132,6 +132,11 @@ class Part(BaseModel):
         except PydanticCustomError:
             pass  # what the keys make together is judged when each of them is right
         raise ValidationError.from_exception_data(cls.__name__, errors)
+
+    @classmethod
+    def meant_by(cls, key: str) -> str:
+        """Say what to write instead of a key that is not known."""
+        return did_you_mean(key, cls.keys())
 
     @model_serializer(mode="wrap")
     def _what_is_said(self, handler: SerializerFunctionWrapHandler) -> dict[str, Any]:

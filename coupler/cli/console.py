@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 import sys
 from collections.abc import Collection
 from types import TracebackType
@@ -25,6 +26,7 @@ ZERO_CELSIUS = 273.15
 GUESS_AFTER = 0.05
 FAILURES = {Verdict.THERMAL_DISCARD.value: "the thermal solver failed",
             Verdict.MECHANICAL_DISCARD.value: "the mechanical solver failed"}
+NUMBER = re.compile(r"[-+]?\d[\d.]*(e[-+]?\d+)?")
 # Adaptive windows are often rejected for their error: so many are printed one by one.
 LISTED = 10
 SETTING_UP = "building and loading the halves; the first run on a machine compiles them too, a minute or more"
@@ -103,8 +105,11 @@ class ProgressLine:
             if self._too_large > LISTED:
                 return
         first = rejected[0]
-        kinds = {p.verdict if p.verdict == Verdict.ERROR.value else (p.verdict, p.message): p
-                 for p in reversed(rejected)}
+        # Reasons that differ in their numbers alone are one: a step cut ten times would tell ten shares of it.
+        # fault: each try is a reason of its own -> told = [(p, p.message) for p in rejected] |
+        #   coupler/test_console::test_tries_of_one_window_are_one_line
+        told = [(p, NUMBER.sub("#", p.message)) for p in rejected]
+        kinds = {p.verdict if p.verdict == Verdict.ERROR.value else (p.verdict, text): p for p, text in reversed(told)}
         reasons = "; ".join(f"{FAILURES.get(p.verdict, p.verdict)} ({p.message})" for p in reversed(kinds.values()))
         times = f"; the step was rejected {len(rejected)} times" if len(rejected) > 1 else "; the step was rejected"
         more = "; further ones are only counted" if self._too_large == LISTED else ""

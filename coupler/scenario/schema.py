@@ -204,6 +204,13 @@ class ProbeSpec(Part):
     def knows(cls, key: object) -> bool:
         return super().knows(key) or (isinstance(key, str) and (key.startswith(HALVES) or is_condition(key)))
 
+    @classmethod
+    def meant_by(cls, key: str) -> str:
+        """Say how outputs of halves are written, too."""
+        # fault: who forgets the half of an output is not told of it -> return super().meant_by(key) |
+        #   coupler/test_scenario_probes::test_an_output_without_its_half_is_told_how_it_is_written
+        return f"{super().meant_by(key)} Outputs of a half begin with the half: mechanical.{key} or thermal.{key}."
+
     @model_validator(mode="after")
     def _one_quantity(self) -> ProbeSpec:
         exactly_one(self, (*type(self).model_fields, *self.__pydantic_extra__))

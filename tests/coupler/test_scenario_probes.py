@@ -114,3 +114,8 @@ def test_extremes_over_a_body_are_its_own(tmp_path: Path) -> None:
 def test_contact_quantities_are_not_of_a_body(tmp_path: Path) -> None:
     with pytest.raises(ScenarioError, match="exists only on contact surfaces"):
         with_probe(tmp_path, {"gap": {"max": "upper"}})
+
+
+def test_an_output_without_its_half_is_told_how_it_is_written(tmp_path: Path) -> None:
+    with pytest.raises(ScenarioError, match=r"begin with the half: mechanical\.sigma_v or thermal\.sigma_v"):
+        with_probe(tmp_path, {"sigma_v": {"max": "upper"}})
