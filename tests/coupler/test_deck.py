@@ -276,3 +276,19 @@ def test_coupled_steps_iterate_and_uncoupled_ones_do_not(tmp_path):
     assert converted(tmp_path, text)[0]["coupling"]["scheme"] == "iterated"
     tree = converted(tmp_path, text.replace("*COUPLED", "*UNCOUPLED"))[0]
     assert tree["coupling"]["scheme"] == "staggered"
+
+
+LINES = "*ELEMENT, type=T3D2, ELSET=Line1\n21, 1, 2\n22, 2, 3\n*ELSET,ELSET=all\n21, 22, 1, 2\n"
+
+
+def test_lines_of_a_mesh_generator_are_left_out_with_a_notice(tmp_path):
+    """As gmsh writes them: the lines of the outline are trusses without a section, and groups name their numbers."""
+    plain, _ = converted(tmp_path, heat_deck())
+    tree, told = converted(tmp_path, heat_deck(mesh=LINES))
+    assert tree == plain
+    assert [(m.text, "left out" in m.why) for m in told.missed] == [("*ELEMENT, type=T3D2, ELSET=Line1", True)]
+
+
+def test_trusses_are_refused(tmp_path):
+    with pytest.raises(ScenarioError, match=r"deck\.inp:\d+: this section makes trusses of lines"):
+        converted(tmp_path, heat_deck(mesh=LINES, model="*SOLID SECTION, ELSET=LINE1, MATERIAL=STEEL\n1.\n"))
