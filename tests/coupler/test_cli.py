@@ -14,6 +14,7 @@ import psutil
 import pytest
 
 from coupler import Results, load_scenario
+from coupler.cli import cli
 from coupler.cli.running import _reported
 from coupler.errors import SlidelineError
 
@@ -86,7 +87,6 @@ def test_run_report_and_their_files(tmp_path):
 
 
 @pytest.mark.parametrize(("arguments", "code", "text"), [
-    (("run", "nowhere.yaml"), 2, "nowhere.yaml"),
     (("run", BARS, "--set", "coupling.shceme=staggered"), 2, "scheme"),
     (("run", BARS, "--swap", "mechanic=rigid"), 2, "--swap mechanical=rigid"),
     (("run", BARS, "--swap", "mechanical=rubber"), 2, "rubber"),
@@ -97,10 +97,22 @@ def test_run_report_and_their_files(tmp_path):
     (("run", BARS, "--until", "-5"), 2, "--until: no window ends at or before this time (got -5.0)"),
     (("run", BARS, "--until", "nan"), 2, "--until: no window ends at or before this time (got nan)"),
 ])
-def test_wrong_input_is_one_error_and_a_code(tmp_path, arguments, code, text):
-    done = slideline(tmp_path, *arguments)
-    assert done.returncode == code, done.stderr
-    assert text in done.stderr
+def test_wrong_input_is_one_error_and_a_code(tmp_path, monkeypatch, capsys, arguments, code, text):
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(sys, "argv", ["slideline", *arguments])
+    with pytest.raises(SystemExit) as ended:
+        cli.main()
+    assert ended.value.code == code
+    said = capsys.readouterr().err
+    assert text in said
+    assert "Traceback" not in said
+    assert not list(tmp_path.iterdir())
+
+
+def test_a_process_ends_with_the_code_too(tmp_path):
+    done = slideline(tmp_path, "run", "nowhere.yaml")
+    assert done.returncode == 2, done.stderr
+    assert "nowhere.yaml" in done.stderr
     assert "Traceback" not in done.stderr
     assert not list(tmp_path.iterdir())
 

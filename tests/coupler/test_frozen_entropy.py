@@ -12,6 +12,8 @@ import pytest
 from coupler import ScenarioError, load_scenario
 from coupler.scenario.options import Scheme
 
+pytestmark = pytest.mark.usefixtures("unlooked")
+
 SCENE = """\
 slideline: 2
 units: {temperature: K}

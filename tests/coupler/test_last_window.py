@@ -15,6 +15,8 @@ HERE = Path(__file__).parent
 sys.path.insert(0, str(HERE))
 from killed_runs import differences  # noqa: E402
 
+pytestmark = pytest.mark.usefixtures("unlooked")
+
 SCENARIO = HERE.parents[1] / "scenarios/casting_1d.yaml"
 CHANGED = {"coupling.end": 0.3}
 STEP = 9

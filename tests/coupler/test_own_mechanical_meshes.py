@@ -25,6 +25,8 @@ from killed_runs import differences
 from mesh_scenes import as_bodies, box, rectangles, rings
 from several_scenes import SCENARIOS, apart, ran
 
+pytestmark = pytest.mark.usefixtures("unlooked")
+
 CLOSE = 1e-12
 # A block that yields is pressed on a bar and dragged along it: forces, friction heat and plastic work.
 RUB = {"coupling": {"end": 3, "scheme": "staggered", "windows": [{"until": 3, "size": 0.25}]},

@@ -29,6 +29,8 @@ from killed_runs import differences
 from mesh_scenes import as_bodies, block_meshes, box, rings
 from several_scenes import BLOCKS, SCENARIOS, THREE, apart, blocks, ran
 
+pytestmark = pytest.mark.usefixtures("unlooked")
+
 SHORT = {"coupling.end": 60, "coupling.windows": [{"until": 60, "size": 4}], "output.checkpoint": 0}
 SCENE = block_meshes((3, 4), (4, 4), (5, 4))
 OTHER = block_meshes((6, 5), (8, 7), (10, 6))  # its surfaces have the nodes of SCENE among theirs

@@ -18,6 +18,8 @@ from mechanical_fmu.elastic_half import load
 sys.path.insert(0, str(Path(__file__).parent))
 from start_scenes import BAR, STEEL, edited, linear, loaded, solved, temperatures
 
+pytestmark = pytest.mark.usefixtures("unlooked")
+
 HELD = {"half": "elastic", "elastic": {"boundary": [{"on": "bar.left", "u_x": 0}, {"at": "bar.left.bottom", "u_y": 0}]}}
 LEFT, RIGHT = ({"origin": [x, 0.0], "size": [0.05, 0.02]} for x in (0.0, 0.05))
 WALLS = [{"on": "bar.left", "temperature": 400.0}, {"on": "bar.right", "temperature": 300.0}]

@@ -20,6 +20,8 @@ sys.path.insert(0, str(Path(__file__).parent))
 from foreign_scenes import TEXT
 from scenario_text import ROOT
 
+pytestmark = pytest.mark.usefixtures("unlooked")
+
 PROBES = """
 output: {fields: {every: 1}, checkpoint: null}
 probes: {T: {T: {max: lower.top}}, p: {p: {max: lower.top}}}

@@ -24,6 +24,8 @@ from killed_roles import CHANGED, ROLES, SCENARIO, children, killed_run  # noqa:
 from killed_runs import differences  # noqa: E402
 from test_processes import X, ended, gone, two  # noqa: E402
 
+pytestmark = pytest.mark.usefixtures("unlooked")
+
 
 @pytest.fixture
 def fmu(tmp_path) -> Path:

@@ -22,6 +22,8 @@ sys.path.insert(0, str(Path(__file__).parent))
 from killed_runs import differences
 from several_scenes import BLOCKS, SCENARIOS, THREE, TWO, apart, blocks, ran
 
+pytestmark = pytest.mark.usefixtures("unlooked")
+
 SHORT = {"coupling.end": 20, "coupling.windows": [{"until": 20, "size": 5}], "output.checkpoint": 0}
 SAME_T, SAME_HEAT = 1e-6, 1e-9  # K at the default tolerance of 1e-7 K; of the largest term
 

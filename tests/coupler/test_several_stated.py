@@ -15,6 +15,8 @@ from coupler.cli.options import overrides_of
 sys.path.insert(0, str(Path(__file__).parent))
 from several_scenes import BLOCKS, THREE, TWO, blocks
 
+pytestmark = pytest.mark.usefixtures("unlooked")
+
 
 @pytest.mark.parametrize(("changes", "words"), [
     ({"thermal.halves": {"a": {"bodies": ["upper", "middle"]}}}, "no half solves for lower"),

@@ -20,6 +20,8 @@ from coupler.scenario.transfer import BodyNodes, moved
 sys.path.insert(0, str(Path(__file__).parent))
 from start_scenes import BAR, edited, linear, loaded, solved, temperatures
 
+pytestmark = pytest.mark.usefixtures("unlooked")
+
 WALL = [{"on": "bar.left", "temperature": 400.0}, {"on": "bar.right", "convection": {"h": 500.0, "T": 320.0}}]
 STEPS = edited(BAR, thermal__boundary=WALL, thermal__method="backward_euler")
 

@@ -15,6 +15,8 @@ from random_scenes.direct_half import without_fmus
 
 from coupler import CouplingError, Results, load_scenario, run
 
+pytestmark = pytest.mark.usefixtures("unlooked")
+
 
 def failed(path: Path, T_inf: Any, mechanical: dict[str, Any] | None = None) -> tuple[str, int]:
     """What a run says to a conductivity that turns negative at 500 K, and how many windows it tried."""

@@ -16,6 +16,8 @@ sys.path.insert(0, str(Path(__file__).parent))
 from killed_runs import differences
 from scenario_text import ROOT
 
+pytestmark = pytest.mark.usefixtures("unlooked")
+
 # The blocks meet a little before 2500 s, where no kink is.
 MEET: dict[str, Any] = {
     "bodies.lower.mesh.rectangle.cells": [3, 2], "bodies.upper.mesh.rectangle.cells": [3, 2],

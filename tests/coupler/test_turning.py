@@ -17,6 +17,8 @@ from random_scenes.scene import Scene
 from random_scenes.story import COMPLETED, Story, told
 from thermal_page import scenes
 
+pytestmark = pytest.mark.usefixtures("unlooked")
+
 PAGE = Path(__file__).resolve().parents[2] / "docs" / "elements.md"
 BASE = scenes(PAGE)["base"]
 C = np.array([0.05, 0.0])

@@ -22,7 +22,7 @@ def found(scene: Scene) -> list[str]:
 
 
 def test_fmus_bytes_processes_and_resumed_runs_have_the_same_bits():
-    short = adaptive().edited(coupling__scheme="auto", coupling__end=8)
+    short = adaptive().edited(coupling__scheme="auto", coupling__end=5)
     assert found(short) == []
 
 

@@ -8,6 +8,8 @@ import pytest
 
 from coupler import Results, ScenarioError, load_scenario, run
 
+pytestmark = pytest.mark.usefixtures("unlooked")
+
 E, NU, ALPHA, RHO, C, T_0 = 2e11, 0.3, 1e-4, 7800.0, 460.0, 300.0
 M, BETA = E * (1 - NU) / ((1 + NU) * (1 - 2 * NU)), E / (1 - 2 * NU) * ALPHA
 DELTA = BETA**2 * T_0 / (RHO * C * M)  # .77

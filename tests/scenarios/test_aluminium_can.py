@@ -17,6 +17,8 @@ sys.path.insert(0, str(Path(__file__).parent))
 from can_readings import HEIGHT, CanRun, flips, mean_stress, opening_times, read_can, touching
 from small_scenes import ROOT
 
+pytestmark = pytest.mark.usefixtures("unlooked")
+
 F2 = tomllib.loads((ROOT / "tests/expected.toml").read_text(encoding="utf-8"))["F2"]
 SCENARIO = ROOT / "scenarios/aluminium_can.yaml"
 REFERENCE = np.loadtxt(Path(__file__).parent / "data/aluminium_can.txt")

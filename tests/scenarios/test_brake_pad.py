@@ -11,6 +11,8 @@ import pytest
 from coupler import Results, load_scenario, run
 from coupler.report.comparison import compare
 
+pytestmark = pytest.mark.usefixtures("unlooked")
+
 ROOT = Path(__file__).resolve().parents[2]
 D10 = tomllib.loads((ROOT / "tests/expected.toml").read_text(encoding="utf-8"))["D10"]
 MU, LENGTH, SPEED, BEGINS = 0.3, 0.3, 0.05, 0.1

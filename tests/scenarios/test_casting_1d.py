@@ -14,6 +14,8 @@ from coupler import Results, load_scenario, run
 sys.path.insert(0, str(Path(__file__).parent))
 from small_scenes import ROOT, at
 
+pytestmark = pytest.mark.usefixtures("unlooked")
+
 CASE = tomllib.loads((ROOT / "tests/expected.toml").read_text(encoding="utf-8"))["F2_1D"]
 SCENARIO = ROOT / "scenarios/casting_1d.yaml"
 K_G, G_M = 0.06, 30e-6

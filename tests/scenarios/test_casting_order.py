@@ -23,6 +23,8 @@ from coupler.control.state import first
 from coupler.scenario.options import Iteration, Scheme, Tolerance, Tolerances, WindowRange
 from coupler.schemes.schedule import schedule
 
+pytestmark = pytest.mark.usefixtures("unlooked")
+
 SCENARIO = Path(__file__).resolve().parents[2] / "scenarios/casting_1d.yaml"
 FROZEN = 20.0  # s, .306 solid
 SHARED = 8  # times at which the gap is compared

@@ -29,6 +29,8 @@ from contact_rods import Rod, Tree, rod_scene, solve
 
 from coupler import Results
 
+pytestmark = pytest.mark.usefixtures("unlooked")
+
 ROOT = Path(__file__).resolve().parents[2]
 EXPECTED = tomllib.loads((ROOT / "tests/expected.toml").read_text(encoding="utf-8"))
 D9, D13 = EXPECTED["D9"], EXPECTED["D13"]

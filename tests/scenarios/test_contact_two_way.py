@@ -19,6 +19,8 @@ from monolithic import Held, Line, Matter, Monolithic
 
 from coupler import Results, load_scenario
 
+pytestmark = pytest.mark.usefixtures("unlooked")
+
 # Expansion, gaps and compliance are all so many times smaller than in a real pair: the reference knows small strains.
 SCALE = 1e-3
 GAP, SIZE, COLD = 90e-6 * SCALE, 0.02, 300.0  # m, m, K

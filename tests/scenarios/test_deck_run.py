@@ -13,6 +13,8 @@ from coupler.scenario import load_scenario
 sys.path.insert(0, str(Path(__file__).parent.parent / "coupler"))
 from decks import converted, heat_deck
 
+pytestmark = pytest.mark.usefixtures("unlooked")
+
 K, H, LENGTH, HOT = 50.0, 1000.0, 0.1, 100.0  # of the deck: conductivity, conductance, height of a block, top
 
 

@@ -11,6 +11,8 @@ from ruamel.yaml import YAML
 
 from coupler import load_scenario, run
 
+pytestmark = pytest.mark.usefixtures("unlooked")
+
 E, NU = 2.0e11, 0.3
 
 

@@ -22,6 +22,8 @@ from test_same_scene import ROOT, in_inches, mirrored, moved, renumbered, scene,
 import coupler.scenario.load as loading
 from coupler import Results
 
+pytestmark = pytest.mark.usefixtures("unlooked")
+
 CASE = tomllib.loads((ROOT / "tests/expected.toml").read_text(encoding="utf-8"))["C9"]
 HIGH, GAP, DEEP, WIDTH = 0.05, 0.0508, 0.0508069342, 0.0762  # m: stroke at first, at touch, pressed; of the blocks
 DOWN, END = 600.0, 1200.0  # s: pressed, and from then on sliding; the end

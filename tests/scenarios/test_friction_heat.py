@@ -12,6 +12,8 @@ from coupler import Results, load_scenario, run
 from coupler.report.heat import heat_table
 from coupler.report.page import scenario_facts
 
+pytestmark = pytest.mark.usefixtures("unlooked")
+
 ROOT = Path(__file__).resolve().parents[2]
 D10 = tomllib.loads((ROOT / "tests/expected.toml").read_text(encoding="utf-8"))["D10"]
 MU, WIDTH = 0.3, 0.04

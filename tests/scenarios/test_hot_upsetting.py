@@ -12,6 +12,8 @@ from coupler.record.vtkhdf import FieldReader
 from coupler.report.curves import watched_pictures
 from coupler.report.heat import heat_table
 
+pytestmark = pytest.mark.usefixtures("unlooked")
+
 ROOT = Path(__file__).resolve().parents[2]
 COARSE = {"bodies.billet.mesh.rectangle.cells": [8, 12], "bodies.die.mesh.rectangle.cells": [16, 7],
           "coupling.windows": [{"until": 1.2, "size": 0.05}, {"until": 2, "size": 0.1}]}

@@ -9,6 +9,8 @@ import pytest
 
 from coupler import Results, load_scenario, run
 
+pytestmark = pytest.mark.usefixtures("unlooked")
+
 ROOT = Path(__file__).resolve().parents[2]
 SMALL = {"bodies.lower.mesh.rectangle.cells": [6, 6], "bodies.upper.mesh.rectangle.cells": [7, 7], "coupling.windows": [
     {"until": 2500, "size": 500}, {"until": 10000, "first": 1000, "last": 20}, {"until": 12500, "size": 250},

@@ -10,6 +10,8 @@ import pytest
 
 from coupler import load_scenario, run
 
+pytestmark = pytest.mark.usefixtures("unlooked")
+
 ROOT = Path(__file__).resolve().parents[2]
 F1 = tomllib.loads((ROOT / "tests/expected.toml").read_text(encoding="utf-8"))["F1"]
 # The slide is eleven pieces of this length, so that windows of PIECE/k end at 14772.7 s and at 15000 s.

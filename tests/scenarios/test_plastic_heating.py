@@ -11,6 +11,8 @@ import pytest
 from coupler import Results, load_scenario, run
 from coupler.record.vtkhdf import FieldReader
 
+pytestmark = pytest.mark.usefixtures("unlooked")
+
 EXPECTED = tomllib.loads((Path(__file__).parent.parent / "expected.toml").read_text(encoding="utf-8"))
 E, NU, S_Y, CHI, RHO, C = 210e9, 0.3, 250e6, 0.85, 7000.0, 450.0
 UPSET = 0.4  # logarithmic

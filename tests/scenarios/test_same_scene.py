@@ -21,6 +21,8 @@ import coupler.scenario.load as loading
 from contact.half.interface import Interface
 from coupler import Results, load_scenario, run
 
+pytestmark = pytest.mark.usefixtures("unlooked")
+
 ROOT = Path(__file__).resolve().parents[2]
 RANGE, CLOSE = 1000.0, 1e-9
 INCH, RANKINE = 1.0 / 0.0254, 1.8

@@ -10,6 +10,8 @@ import pytest
 
 from coupler import Results, load_scenario, run
 
+pytestmark = pytest.mark.usefixtures("unlooked")
+
 ROOT = Path(__file__).resolve().parents[2]
 F1 = tomllib.loads((ROOT / "tests/expected.toml").read_text(encoding="utf-8"))["F1"]
 SCENARIO = ROOT / "scenarios/sliding_blocks.yaml"

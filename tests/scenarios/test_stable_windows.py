@@ -18,6 +18,8 @@ from coupler.running.pilot import pilot
 sys.path.insert(0, str(Path(__file__).parent))
 from small_scenes import LUMPED_GAP, ROOT, solve
 
+pytestmark = pytest.mark.usefixtures("unlooked")
+
 E4 = tomllib.loads((ROOT / "tests/expected.toml").read_text(encoding="utf-8"))["E4"]
 CLOSE = 0.02  # a closed form exists
 
