@@ -108,9 +108,10 @@ class Impact:
         return (self.upper[-1] / self.mass + V) / (2.0 * V if kind == "wall" else V)
 
 
-@pytest.mark.parametrize("kind", ["wall", "bars"])
-@pytest.mark.parametrize(("penalty", "augmented"), [(0.1, None), (1.0, None), (100.0, None),
-                                                    (0.1, "semi_smooth"), (1.0, "uzawa"), (10.0, "semi_smooth")])
+# Bars, which cost three times as much, by each way of enforcing contact.
+@pytest.mark.parametrize(("penalty", "augmented", "kind"), [
+    (0.1, None, "wall"), (1.0, None, "wall"), (100.0, None, "bars"),
+    (0.1, "semi_smooth", "bars"), (1.0, "uzawa", "wall"), (1.0, "uzawa", "bars"), (10.0, "semi_smooth", "wall")])
 def test_a_bar_comes_back_as_the_wave_says_at_any_penalty(kind, penalty, augmented):
     """With 20 times the penalty it left with five times the energy it came with, in 26 episodes."""
     soft = penalty < 1.0 and augmented is None  # it parts later by what the penalty gives
@@ -125,9 +126,9 @@ def test_a_bar_comes_back_as_the_wave_says_at_any_penalty(kind, penalty, augment
     assert run.impulse(kind) == pytest.approx(1.0, abs=0.02)
 
 
-@pytest.mark.parametrize("kind", ["wall", "bars"])
-@pytest.mark.parametrize("cfl", [2.0, 15.0, 30.0, 150.0])
-@pytest.mark.parametrize(("penalty", "augmented"), [(10.0, None), (1.0, "semi_smooth")])
+@pytest.mark.parametrize(("kind", "cfl", "penalty", "augmented"), [
+    (kind, cfl, *((10.0, None), (1.0, "semi_smooth"))[(i + k) % 2])
+    for i, cfl in enumerate((2.0, 15.0, 30.0, 150.0)) for k, kind in enumerate(("wall", "bars"))])
 def test_energy_and_momentum_stay_in_steps_of_any_length(kind, cfl, penalty, augmented):
     """From 20 steps a passage of the wave to five passages a step; without the impulse up to 660 % more energy."""
     run = Impact(kind, penalty=penalty, augmented=augmented, cfl=cfl, after=0.3 if cfl < 10.0 else 0.5 * cfl)

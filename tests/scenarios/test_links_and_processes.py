@@ -13,8 +13,8 @@ pytestmark = pytest.mark.usefixtures("unlooked")
 
 ROOT = Path(__file__).resolve().parents[2]
 SMALL = {"bodies.lower.mesh.rectangle.cells": [6, 6], "bodies.upper.mesh.rectangle.cells": [7, 7], "coupling.windows": [
-    {"until": 2500, "size": 500}, {"until": 10000, "first": 1000, "last": 20}, {"until": 12500, "size": 250},
-    {"until": 15000, "size": 40}, {"until": 25000, "size": 2500}]}
+    {"until": 2500, "size": 500}, {"until": 10000, "first": 1000, "last": 20}, {"until": 12500, "size": 500},
+    {"until": 15000, "size": 125}, {"until": 25000, "size": 2500}]}
 
 
 def solve(folder: Path, name: str, **how: object) -> Results:
