@@ -24,8 +24,6 @@ from killed_roles import CHANGED, ROLES, SCENARIO, children, killed_run  # noqa:
 from killed_runs import differences  # noqa: E402
 from test_processes import X, ended, gone, two  # noqa: E402
 
-pytestmark = pytest.mark.usefixtures("unlooked")
-
 
 @pytest.fixture
 def fmu(tmp_path) -> Path:
@@ -142,7 +140,7 @@ def whole(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return out
 
 
-@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("seed", [0, 1, pytest.param(2, marks=pytest.mark.slow)])
 def test_each_role_killed_at_random_moments_gives_the_bits_of_an_undisturbed_run(whole, tmp_path, seed):
     killed = killed_run(whole, tmp_path / "run.h5", seed)
     assert killed.roles

@@ -20,8 +20,6 @@ ROOT = Path(__file__).resolve().parents[2]
 sys.path.insert(0, str(Path(__file__).parent))
 from killed_runs import differences  # noqa: E402
 
-pytestmark = pytest.mark.usefixtures("unlooked")
-
 SCENARIO = ROOT / "scenarios/casting_1d.yaml"
 CHANGED = {"coupling.end": 0.5, "output.checkpoint": 0}
 

@@ -12,8 +12,6 @@ import pytest
 sys.path.insert(0, str(Path(__file__).parent))
 from small_scenes import CLEARANCE, CLOSING, LUMPED_GAP, ROOT, at, solve
 
-pytestmark = pytest.mark.usefixtures("unlooked")
-
 CASES = tomllib.loads((ROOT / "tests/expected.toml").read_text(encoding="utf-8"))
 E4 = CASES["E4"]
 K_G, G_M = 0.06, 10e-6
