@@ -56,6 +56,17 @@ def test_what_acts_is_told_in_the_words_of_the_file():
         assert words in told
 
 
+def test_the_pressure_of_rigid_bodies_is_told_where_it_acts():
+    told = words_of(scene_figure(load_scenario(BLOCKS.with_name("heated_bars.yaml"))))
+    assert "cold.bottom: pressure of interface 1e+06" in told
+
+
+def test_one_cell_is_no_cells():
+    told = words_of(scene_figure(load_scenario(BLOCKS.with_name("lumped_gap.yaml"))))
+    assert "1 cell\n" in told
+    assert "1 cells" not in told
+
+
 @pytest.mark.parametrize("half", ["mine", "my.fmu"])
 def test_what_a_half_of_another_package_is_told_is_there_too(tmp_path, monkeypatch, half):
     """It is told the conditions of `elastic`; so its picture has them."""
