@@ -16,6 +16,7 @@ from coupler.report import watch_report, write_report
 from coupler.report.comparison import short_names, write_comparison
 from coupler.report.scene import write_scene
 from coupler.report.verdict import bounds_of, verdict
+from coupler.report.watch import wait_for
 
 
 def show_command(scenario: ScenarioFile,
@@ -38,7 +39,10 @@ def watch_command(results: Annotated[Path, typer.Argument(help="The results file
                   out: Annotated[Path | None, typer.Option(
                        "--out", "-o", help="The page; default: beside the results, .html.")] = None,
                   every: Annotated[float, typer.Option("--every", metavar="SECONDS", min=1.0,
-                                                       help="Time between two pages.")] = 5.0) -> None:
+                                                       help="Time between two pages.")] = 5.0,
+                  patience: Annotated[float, typer.Option("--patience", metavar="SECONDS", min=0.0,
+                                                          help="How long to wait for a run to begin.")] = 180.0,
+                  ) -> None:
     """Write the report of a run while it goes on; the page reloads itself until the run ends."""
     page = out or results.with_suffix(".html")
 
@@ -46,6 +50,12 @@ def watch_command(results: Annotated[Path, typer.Argument(help="The results file
         reached = so_far.t[-1] if len(so_far.t) else 0.0
         typer.echo(f"{page}: {so_far.outcome}, t = {reached:.6g} of {so_far.header['coupling']['end']:.6g} s")
 
+    def tell_waiting() -> None:
+        typer.echo(f"{results}: no run writes it yet (its halves are built first); waiting for {patience:g} s",
+                   err=True)
+
+    # fault: who watches before a run begins is sent away -> pass | coupler/test_watch
+    wait_for(results, patience, tell_waiting)
     leave(watch_report(results, page, every, tell))
 
 

@@ -16,6 +16,20 @@ from coupler.record.results import Results
 from coupler.report.page import write_page
 
 SHARE = 0.2  # of one core that pages may take from the run
+LOOK = 0.2  # s between two looks for a run
+
+
+def wait_for(path: Path, patience: float, on_wait: Callable[[], object]) -> None:
+    """Wait until a run writes this results file, or it is there, but no longer than `patience` [s].
+
+    Halves are built before a run writes anything.  on_wait : called once, where there is something to wait for.
+    """
+    end, told = time.monotonic() + patience, False
+    while not path.exists() and not journal_of(path).exists() and time.monotonic() < end:
+        if not told:
+            on_wait()
+            told = True
+        time.sleep(LOOK)
 
 
 def watch(path: Path, out: Path, every: float, on_page: Callable[[Results], object]) -> Results:

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from matplotlib.backends.backend_agg import FigureCanvasAgg
 
 from coupler import load_scenario
 from coupler.errors import ScenarioError
@@ -59,6 +60,17 @@ def test_what_acts_is_told_in_the_words_of_the_file():
 def test_the_pressure_of_rigid_bodies_is_told_where_it_acts():
     told = words_of(scene_figure(load_scenario(BLOCKS.with_name("heated_bars.yaml"))))
     assert "cold.bottom: pressure of interface 1e+06" in told
+
+
+def test_numbers_do_not_cover_the_names_of_bodies():
+    """What moves a body as a whole stood on its name."""
+    figure = scene_figure(load_scenario(BLOCKS, overrides={"mechanical.half": "rigid"}))
+    renderer = FigureCanvasAgg(figure).get_renderer()
+    texts = {text.get_text(): text.get_window_extent(renderer) for text in figure.axes[0].texts}
+    numbers = [box for text, box in texts.items() if text.isdigit()]
+    assert len(numbers) == 6
+    for name in ("lower", "upper"):
+        assert not any(box.overlaps(texts[name]) for box in numbers), name
 
 
 def test_one_cell_is_no_cells():

@@ -7,12 +7,15 @@ import sys
 from pathlib import Path
 
 import pytest
+from typer.testing import CliRunner
 
+from coupler.cli.cli import app
 from coupler.errors import ResultsError
 from coupler.record.finish import finish, snapshot
 from coupler.record.paths import journal_of
 from coupler.record.results import Results
 from coupler.report import watch_report
+from coupler.report.watch import wait_for
 from coupler.running.status import status
 
 sys.path.insert(0, str(Path(__file__).parent))
@@ -64,6 +67,24 @@ def test_a_run_that_has_ended_has_its_page_at_once_and_none_is_named(tmp_path: P
     assert [r.outcome for r in pages] == ["completed"]
     with pytest.raises(ResultsError, match="no such results file"):
         watch_report(tmp_path / "none.h5", tmp_path / "none.html", 1.0, pages.append)
+
+
+def test_a_run_that_has_not_begun_is_waited_for(tmp_path: Path) -> None:
+    """Halves are built before a run writes anything; `watch` ended with an error until then."""
+    out, told = tmp_path / "run.h5", []
+
+    def begin() -> None:
+        told.append("waits")
+        write_run(out, Case(windows=3, frames=2))
+
+    wait_for(out, 60.0, begin)
+    assert (told, out.exists()) == (["waits"], True)
+    wait_for(out, 60.0, begin)
+    wait_for(tmp_path / "none.h5", 0.3, lambda: told.append("in vain"))
+    assert told == ["waits", "in vain"]
+    done = CliRunner().invoke(app, ["watch", str(tmp_path / "none.h5"), "--patience", "0.3"])
+    assert "no run writes it yet" in done.output
+    assert isinstance(done.exception, ResultsError)
 
 
 def test_a_run_is_being_written_until_its_results_file_stands(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
