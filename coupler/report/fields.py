@@ -68,7 +68,10 @@ def field_pictures(results: Results) -> tuple[list[Picture], list[str]]:
                 if len(file.times):
                     pictures += draw(results, file) + _other_fields(results, file, half)
                 elif half == "thermal":
-                    remarks.append("The run ended before its first frame of fields.")
+                    # fault: a run that goes on is told to have ended -> going = False | coupler/test_watch
+                    going = results.outcome == "running"
+                    remarks.append("There is no frame of fields yet." if going
+                                   else "The run ended before its first frame of fields.")
         except ResultsError as exc:
             remarks.append(f"No pictures of the {half} fields: {exc}")
     return pictures, remarks

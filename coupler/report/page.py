@@ -79,7 +79,8 @@ def banner(results: Results) -> tuple[str, str] | None:
     end = float(results.header["coupling"]["end"])
     reached = float(results.t[-1]) if len(results.t) else 0.0
     headline = BANNERS.get(results.outcome, f"This run did not complete ({results.outcome}).")
-    return headline, (f"It reached t = {number(reached, 6)} s of {number(end, 6)} s."
+    at = "It is at" if results.outcome == "running" else "It reached"
+    return headline, (f"{at} t = {number(reached, 6)} s of {number(end, 6)} s."
                       + (f"\n{results.message.rstrip('.')}." if results.message else ""))
 
 

@@ -69,6 +69,24 @@ def test_a_run_that_has_ended_has_its_page_at_once_and_none_is_named(tmp_path: P
         watch_report(tmp_path / "none.h5", tmp_path / "none.html", 1.0, pages.append)
 
 
+def test_the_page_of_a_run_that_has_just_begun_says_so(tmp_path: Path) -> None:
+    """It said that the run had ended, and had a table of zeros."""
+    run = record(tmp_path / "run.h5", Case(windows=0, frames=0))
+    told: list[str] = []
+
+    def on_page(results: Results) -> None:
+        told.append((tmp_path / "run.html").read_text("utf-8"))
+        if len(told) == 1:
+            run.end("completed", "", {"seconds": 1.0})
+
+    watch_report(tmp_path / "run.h5", tmp_path / "run.html", 0.05, on_page)
+    assert "This run goes on." in told[0]
+    assert "It is at t = 0 s of 25000 s." in told[0]
+    assert "There is no frame of fields yet." in told[0]
+    assert "ended before" not in told[0]
+    assert "<td>set-up</td>" not in told[0]
+
+
 def test_a_run_that_has_not_begun_is_waited_for(tmp_path: Path) -> None:
     """Halves are built before a run writes anything; `watch` ended with an error until then."""
     out, told = tmp_path / "run.h5", []
