@@ -94,8 +94,9 @@ def test_verify_half_names_it(name: str, fmi: int, scene: Path, tmp_path: Path) 
     assert finding.remedy
 
 
-@pytest.mark.parametrize(("name", "fmi"), [*((name, 2) for name, case in WRONG.items() if case.run), ("discards", 3),
-                                           ("not a number", 3), ("crashes", 3), ("millimetres", 3)])
+# Each in one version of FMI, a crash in both.
+@pytest.mark.parametrize(("name", "fmi"), [*((name, 2 + k % 2) for k, name in enumerate(WRONG) if WRONG[name].run),
+                                           ("crashes", 2)])
 def test_a_run_names_it(name: str, fmi: int, scene: Path, tmp_path: Path) -> None:
     case = WRONG[name]
     fmu = made(case, load_scenario(scene, overrides=ALL_AT_20), tmp_path / "half", fmi)
