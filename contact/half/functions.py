@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import cache, cached_property
 from typing import TYPE_CHECKING, Any
@@ -10,7 +10,6 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from contact.compiled import kernel
 from contact.problem.curves import FieldSum, Form, Polynomial, PropertyTable, SignalTable
 from contact.problem.errors import made
 from contact.problem.values import SignalName
@@ -245,24 +244,11 @@ def profile_from(spec: Any) -> Profile:
 SMALL = 4096
 
 
-@kernel
-def _piecewise(c: Floats, x: Floats, low: float, high: float, T: Floats) -> None:
-    """Replace T : (n,) by a piecewise polynomial at it, held between low and high; to the bit what PPoly gives.
+@cache
+def _piecewise() -> Callable[[Floats, Floats, float, float, Floats], None]:
+    from contact.half.piecewise import piecewise  # numba takes 0.3 s to import, and most halves have no curve
 
-    c : (k, m) coefficients, the highest power first, about the left ends of the pieces between x : (m + 1,).
-    """
-    for i in range(T.size):
-        t = min(max(T[i], low), high)
-        piece = 0
-        while piece < c.shape[1] - 1 and t >= x[piece + 1]:
-            piece += 1
-        power, total = 1.0, 0.0
-        for k in range(c.shape[0] - 1, -1, -1):
-            total += c[k, piece] * power
-            # fault: a table is read from the start of its first piece -> power *= t - x[0] |
-            #   contact/test_half_property
-            power *= t - x[piece]
-        T[i] = total if T[i] == T[i] else T[i]
+    return piecewise
 
 
 @dataclass(frozen=True)
@@ -322,7 +308,7 @@ class Property:
         at = np.array(T, dtype=np.float64, order="C")
         if at.size > SMALL:
             return np.asarray(curve(np.clip(at, self.low, self.high)))
-        _piecewise(curve.c, curve.x, self.low, self.high, at.reshape(-1))
+        _piecewise()(curve.c, curve.x, self.low, self.high, at.reshape(-1))
         return at
 
     # Made once, not at every call: they are asked for in every iteration.

@@ -154,3 +154,12 @@ def test_what_few_scenes_need_is_imported_by_those(half: str) -> None:
                           text=True, check=True, timeout=120).stdout.split()
     assert "scipy.sparse" in said
     assert not {"scipy.interpolate", "scipy.optimize", "matplotlib"} & set(said)
+
+
+@pytest.mark.parametrize("module", ["contact.half.slave", "contact.half.volume", "coupler.verify.child"])
+def test_who_compiles_nothing_imports_no_compiler(module: str) -> None:
+    """numba takes 0.3 s to import: each process of another package's half, and each that checks one."""
+    said = subprocess.run([sys.executable, "-c", f"import sys, {module}; print(*sys.modules)"], capture_output=True,
+                          text=True, check=True, timeout=120).stdout.split()
+    assert module in said
+    assert not {"numba", "llvmlite"} & set(said)
