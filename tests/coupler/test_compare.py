@@ -15,7 +15,14 @@ from typer.testing import CliRunner
 from coupler.cli.cli import app
 from coupler.errors import ResultsError
 from coupler.record.results import Results
-from coupler.report.comparison import compare, sentence, told_by_both, write_comparison
+from coupler.report.comparison import (
+    compare,
+    difference_figure,
+    scales,
+    sentence,
+    told_by_both,
+    write_comparison,
+)
 from coupler.trust.checks import Check, TrustVerdict
 
 sys.path.insert(0, str(Path(__file__).parent))
@@ -78,6 +85,10 @@ def test_the_line_through_a_long_window_is_no_difference(tmp_path: Path) -> None
             assert abs(d.by) == pytest.approx(jump, abs=0.0051)
             if jump:
                 assert d.t > 700.0
+            # What is drawn is what is told: the chord of the long windows was drawn as a difference of 0.5 K.
+            values, apart = scales([d], "K")
+            drawn = difference_figure([d], values, apart, "temperature").axes[1].lines[0].get_ydata()
+            assert np.abs(drawn).max() == pytest.approx(abs(float(apart(np.array(d.by)))), rel=1e-12)
 
 
 def test_what_both_tell_is_at_ends_of_both_and_of_the_longer_window() -> None:
