@@ -38,6 +38,8 @@ from fake_halves import (
     table,
 )
 
+pytestmark = pytest.mark.usefixtures("unlooked")
+
 ROOT = Path(__file__).resolve().parents[2]
 EXPECTED = tomllib.loads((ROOT / "tests/expected.toml").read_text(encoding="utf-8"))
 E4, E6, E8 = (EXPECTED[row] for row in ("E4", "E6", "E8"))

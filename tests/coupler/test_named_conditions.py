@@ -22,6 +22,8 @@ from coupler.schemes.ledger import MECHANISMS
 
 sys.path.insert(0, str(Path(__file__).parent))
 
+pytestmark = pytest.mark.usefixtures("unlooked")
+
 # A bar in tension beside a warm lid.  Its hot grip is named as a mechanism of heat, the force on it as its body.
 SCENE = """\
 slideline: 2

@@ -11,6 +11,8 @@ from coupler.record.observe import contact_field
 from coupler.record.tables import contact_lines, contact_row
 from coupler.schemes.levels import Level
 
+pytestmark = pytest.mark.usefixtures("unlooked")
+
 # Floor 0 1 2 and wall 3 4 of a block whose corner is 5: its bottom 5 6 7, its left 8 5.
 NODES = np.array([[0, 0], [1, 0], [2, 0], [0, 0], [0, 1], [0, 0], [1, 0], [2, 0], [0, 1]], dtype=float)
 EDGES = {"block.bottom": [[5, 6], [6, 7]], "block.left": [[8, 5]], "floor.top": [[2, 1], [1, 0]],

@@ -16,6 +16,8 @@ from mechanical_fmu.problem import parse_elastic
 sys.path.insert(0, str(Path(__file__).parent))
 from scenario_text import GOOD, load_text
 
+pytestmark = pytest.mark.usefixtures("unlooked")
+
 SOFT = ("  soft: {rho: 1, c: 1, k: 1, E: {T: [0, 200], value: [2.0e9, 1.0e9]}, nu: 0.3, alpha: 0}\n"
         "bodies:\n")
 

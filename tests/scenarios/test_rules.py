@@ -21,6 +21,8 @@ from coupler.running.resume import resume
 sys.path.insert(0, str(Path(__file__).parent))
 from small_scenes import LUMPED_GAP, ROOT, solve
 
+pytestmark = pytest.mark.usefixtures("unlooked")
+
 B14 = tomllib.loads((ROOT / "tests/expected.toml").read_text(encoding="utf-8"))["B14"]
 
 BASE = LUMPED_GAP.replace("{{h: 5000, T: 933}}}}", "{{h: 5000, T: 933}}, name: film}}").format(
