@@ -18,7 +18,7 @@ from coupler.control.error_estimate import Estimate
 from coupler.control.gain import Gain
 from coupler.control.instability import answer
 from coupler.control.plan import Plan
-from coupler.control.solve_window import SavedStates, SolveOptions, doubled, solve_once
+from coupler.control.solve_window import SavedStates, SolveOptions, doubled, keep, solve_once
 from coupler.control.state import Committed, ControlState, first, monitors, opened
 from coupler.rules.engine import Firing
 from coupler.scenario.options import Adaptive
@@ -47,6 +47,18 @@ def propose(plan: Plan, control: ControlState) -> Proposal:
     if control.aim > control.tick:
         return Proposal(min(control.aim, plan.must_end(control.tick)), "to end at the event")
     return _scheduled(plan, control) if plan.adaptive is None else _adaptive(plan, plan.adaptive, control)
+
+
+def _in_one(halves: Halves, state: CoupledState, span: Span, options: SolveOptions, saved: SavedStates,
+            solved: Solved) -> Solved:
+    """A window that was solved in one, as it is to be held against its two halves (spare.as_whole)."""
+    late = spare.as_whole(state, solved.scheme, span.clock.seconds(span.k1) - span.clock.seconds(span.k0))
+    if late is None:
+        return solved
+    saved.roll_back("a window is to be solved with the heat that its halves deliver")
+    again = solve_once(halves, late, span, replace(options, scheme=solved.scheme, instead=keep), saved)
+    # fault: what it took to know an error is not told -> return again if again.taken else solved | coupler/test_spare
+    return replace(again if again.taken else solved, work=solved.work.plus(again.work))
 
 
 def _scheduled(plan: Plan, control: ControlState) -> Proposal:
@@ -173,6 +185,7 @@ def step(halves: Halves, at: Committed, plan: Plan) -> Tried:
         # fault: windows are put back for errors that nobody measured -> if plan.adaptive and solved.taken and error is
         #   None: | coupler/test_defaults
         if plan.adaptive and solved.taken and (error is None or error.error > 1.0):
+            solved = _in_one(halves, at.state, span, options, saved, solved)
             in_one = plan.watched(solved.state.now)
             solved = doubled(halves, at.state, span, options, saved, solved)
             error = _estimated(at, plan, solved)

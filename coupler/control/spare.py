@@ -312,6 +312,27 @@ def _halved(account: EnergyAccount, ahead: bool) -> EnergyAccount:
     return replace(account, carry=late + 0.25 * (account.carry - 2.0 * late), late=late)
 
 
+def as_whole(state: CoupledState, scheme: Scheme, H: float) -> CoupledState | None:
+    """Return the state from which a window of H [s] is solved in one to be held against its two halves; None: as it is.
+
+    Of heat that comes a window late, its halves deliver what the first of them makes, too; the window in one is given
+    as much, at the power of before.  Else that would be told as an error of every window, while what is late is late
+    once.
+    """
+    ahead = AHEAD if scheme_of(scheme).exchange_at(Seen.MIDDLE).friction is not None else frozenset()
+    # fault: heat that halves deliver is held against nothing -> late: dict[str, EnergyAccount] = {} |
+    #   coupler/test_spare
+    late = {n: _more(a, H) for n, a in state.accounts.items() if n not in ahead and a.power is not None}
+    return replace(state, accounts={**state.accounts, **late}) if any(a.carry.any() for a in late.values()) else None
+
+
+def _more(account: EnergyAccount, H: float) -> EnergyAccount:
+    """The account with what half of H [s] makes at the power of before, where something is carried."""
+    if account.power is None or not account.carry.any():
+        return account
+    return replace(account, carry=account.carry + 0.5 * H * account.power)
+
+
 def can_look(halves: Halves, span: Span) -> bool:
     """Whether a window can be solved again, and as two."""
     return halves.thermal.can_save and halves.mechanical.can_save and span.k1 - span.k0 >= 2

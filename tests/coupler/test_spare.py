@@ -19,6 +19,7 @@ from coupler.running.run import Run
 from coupler.scenario import Scenario
 from coupler.scenario.load import scenario_from
 from coupler.scenario.options import Scheme, WindowRange
+from coupler.schemes.accounts import EnergyAccount
 from coupler.schemes.levels import Level
 from coupler.schemes.schedule import schedule
 from coupler.schemes.state import CoupledState
@@ -262,3 +263,18 @@ def test_a_probe_that_is_no_number_stays_where_it_was():
     course, _ = after(course, 2.0, np.array([5.0]))
     course, _ = after(course, 3.0, np.array([np.nan]))
     assert course.values == 5.0
+
+
+@pytest.mark.parametrize(("scheme", "friction", "plastic"), [
+    (Scheme.STAGGERED, 3.0, 7.0), (Scheme.MECHANICAL_FIRST, 3.0, 7.0), (Scheme.EXTRAPOLATED, 1.0, 7.0)])
+def test_a_window_in_one_is_given_the_late_heat_that_its_halves_deliver(scheme, friction, plastic):
+    """What is carried and what half of the window makes at the power of before; not of what is handed over ahead."""
+    accounts = {"contact.E_friction": EnergyAccount(np.array([1.0]), power=np.array([2.0])),
+                "E_M": EnergyAccount(np.array([5.0]), power=np.array([2.0])), "E_S": EnergyAccount(np.array([0.0]))}
+    state = CoupledState(Level(0.0, *(np.zeros(0) for _ in range(5))), (), 0, accounts)
+    found = spare.as_whole(state, scheme, 2.0)
+    assert found is not None
+    carried = {n: float(a.carry[0]) for n, a in found.accounts.items()}
+    assert carried == {"contact.E_friction": friction, "E_M": plastic, "E_S": 0.0}
+    idle = replace(state, accounts={"E_S": EnergyAccount(np.array([0.0]))})
+    assert spare.as_whole(idle, scheme, 2.0) is None
