@@ -114,3 +114,13 @@ def test_methods_that_damp_no_more_are_found(monkeypatch):
         monkeypatch.setitem(methods.METHODS, name, replace(methods.METHODS[name], stages=nearly_midpoint,
                                                            weights=(1.0,)))
     assert found(one_system_laws.check_steady, across_a_film())
+
+
+def test_from_the_window_on_that_came_to_be_iterated_by_ends_that_is_the_system():
+    """Else a right run is told wrong by 1e5 tolerances."""
+    run = told(across_a_film())
+    said = "window 3 (to t = 62.5 s): ringing: a disturbance decays slowly; windows are iterated from here on"
+    assert one_system_laws.seen_at_end_from(run) == np.inf
+    assert one_system_laws.seen_at_end_from(replace(run, words=(said,))) == np.inf
+    by_ends = replace(run, words=("a note", f"{said}, given x and t_N of their end"))
+    assert one_system_laws.seen_at_end_from(by_ends) == pytest.approx(62.5, rel=1e-4)
