@@ -71,7 +71,7 @@ def test_the_picture_tells_what_share_does_what(tmp_path: Path) -> None:
     pressed = sum(10000 < t < 15000 for t in times_of(CASE)[1:]) / CASE.windows
     assert f"touches {100 * pressed:.2g} %" in picture.alt
     assert "upper.bottom does against lower.top" in picture.caption
-    assert "from (x 0, y 127 mm) up to (x 76.2, y 127 mm)" in picture.caption
+    assert "from (x 0, y 127 mm) to (x 76.2, y 127 mm)" in picture.caption
     results.header["geometry"] = "axisymmetric"
     assert "from (r 0, z 127 mm)" in contact_pictures(results)[0].caption
     results.contact = {}
