@@ -57,7 +57,6 @@ def _in_one(halves: Halves, state: CoupledState, span: Span, options: SolveOptio
         return solved
     saved.roll_back("a window is to be solved with the heat that its halves deliver")
     again = solve_once(halves, late, span, replace(options, scheme=solved.scheme, instead=keep), saved)
-    # fault: what it took to know an error is not told -> return again if again.taken else solved | coupler/test_spare
     return replace(again if again.taken else solved, work=solved.work.plus(again.work))
 
 
