@@ -99,7 +99,7 @@ def expected_change(system: System, solved: StepDrive, now: StepDrive, u: Floats
         softer = np.abs(after.mu - before.mu) / before.mu
         change = np.abs(after.e_th - before.e_th).max(axis=1) / 3.0 + softer * largest / L[cells.body]
         np.maximum.at(strain, cells.body, change)
-        np.minimum.at(E, cells.body, 9.0 * after.kappa * after.mu / (3.0 * after.kappa + after.mu))
+        np.minimum.at(E, cells.body, after.E)
     forces = _change_of_forces(system, solved, now, u)
     node_force = np.abs(forces).sum(axis=1)
     on_body = np.bincount(system.constraints.holder + 1, weights=node_force, minlength=len(L) + 1)[1:]

@@ -145,6 +145,11 @@ class Moduli:
     tables: Floats = field(default_factory=lambda: np.empty(0))
     T: Floats | None = None
 
+    @property
+    def E(self) -> Floats:
+        """Young's modulus (n_e,) [Pa]."""
+        return 9.0 * self.kappa * self.mu / (3.0 * self.kappa + self.mu)
+
 
 class MaterialRangeError(ArithmeticError):
     """A property left the range in which the material makes sense."""
@@ -161,7 +166,7 @@ def moduli(materials: tuple[SolidMaterial, ...], material_of: Index, T: Floats, 
     # fault: the points of a cell expand by its mean temperature -> warm, melted = T[:, None], None |
     #   mechanical_fmu/test_thermal_bending
     warm, melted = inside if inside is not None else (T[:, None], None if f_s is None else f_s[:, None])
-    mu, kappa, e_th = np.empty_like(T), np.empty_like(T), np.empty_like(warm)
+    mu, kappa = np.empty_like(T), np.empty_like(T)
     flows = any(materials[i].kind for i in np.unique(material_of))
     p, start = np.zeros(len(T) if flows else 0, POINT), 0
     for i, material in enumerate(materials):
@@ -169,15 +174,26 @@ def moduli(materials: tuple[SolidMaterial, ...], material_of: Index, T: Floats, 
         if here.any():
             solid = _solid_fraction(material, T[here], None if f_s is None else f_s[here])
             mu[here], kappa[here] = _elasticity(material, T[here], solid)
-            e_th[here] = _expansion(material, warm[here], _solid_fraction(material, warm[here],
-                                                                          None if melted is None else melted[here]))
             if flows:
                 p[here] = _parameters(material, T[here], solid, mu[here], start)
         # fault: curves of the second material read from the first's place -> start += 0 |
         #   mechanical_fmu/test_points_material
         start += material.flow.data.size
     tables = np.concatenate([m.flow.data for m in materials]) if flows else np.empty(0)
-    return Moduli(mu, kappa, e_th, p, tables)
+    return Moduli(mu, kappa, thermal_strain(materials, material_of, warm, melted), p, tables)
+
+
+def thermal_strain(materials: Sequence[SolidMaterial], material_of: Index, T: Floats, f_s: Floats | None) -> Floats:
+    """Compute e_th : (n_e, n_th) [1] of a Moduli, at T : (n_e, n_th) [K] and f_s : (n_e, n_th) [1] or None.
+
+    material_of : (n_e,) index into materials.  Raises MaterialRangeError.
+    """
+    e_th = np.empty_like(T)
+    for i in np.unique(material_of):
+        here, material = material_of == i, materials[i]
+        solid = _solid_fraction(material, T[here], None if f_s is None else f_s[here])
+        e_th[here] = _expansion(material, T[here], solid)
+    return e_th
 
 
 def thermoelastic_heat(materials: Sequence[SolidMaterial], material_of: Index, T: Floats, kappa: Floats,

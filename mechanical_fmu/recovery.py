@@ -80,7 +80,7 @@ def dropped_energy(kinds: Sequence[Cells], expansion: Sequence[Floats], moduli: 
     for cells, free, m in zip(kinds, expansion, moduli, strict=True):
         if cells.treatment.enhanced or cells.treatment.kind & (CREEP | LIQUID):
             continue
-        E = 9.0 * m.kappa * m.mu / (3.0 * m.kappa + m.mu)
+        E = m.E
         mean = (free * cells.weight).sum(axis=1) / cells.volume
         stress = E[:, None] * np.abs(free - mean[:, None])
         if cells.treatment.kind & PLASTIC:

@@ -15,14 +15,14 @@ from contact.half.linalg import JoinedPattern, Pattern, Solve, factorise, joined
 from contact.half.start import start_temperature
 from contact.messages import Tractions
 from contact.problem.mechanical import Element, State
-from mechanical_fmu.cells import Treatment, at_points, cells_of
+from mechanical_fmu.cells import Cells, Treatment, at_points, cells_of
 from mechanical_fmu.constraints import Constraints, RigidBodies, constraints_of, rigid_bodies
 from mechanical_fmu.contact import MeshContact
 from mechanical_fmu.given import GivenMesh, MechanicalVolume
 from mechanical_fmu.laws.law import LIQUID
 from mechanical_fmu.loads import pressure_blocks, pressure_forces
 from mechanical_fmu.masses import Inertia, Masses
-from mechanical_fmu.material import Moduli, moduli
+from mechanical_fmu.material import Moduli, moduli, thermal_strain
 from mechanical_fmu.named_forces import NamedForces, named_forces
 from mechanical_fmu.problem import ElasticSpec, Pressure
 from mechanical_fmu.program import MechanicalProgram
@@ -205,7 +205,7 @@ class System:
         # fault: cells with modes expand by their mean temperature too -> bends = [False for _ in volume.kinds] |
         #   mechanical_fmu/test_thermal_bending
         bends = [cells.treatment.enhanced for cells in volume.kinds]
-        points = [(at_points(cells, T), None if f_s is None else at_points(cells, f_s)) if with_modes else None
+        points = [_at_points(cells, T, f_s) if with_modes else None
                   for cells, with_modes in zip(volume.kinds, bends, strict=True)]
         return list(zip(volume.means(T), solid, points, strict=True))
 
@@ -215,24 +215,19 @@ class System:
         T : (n_nodes,) [K], f_s : (n_nodes,) or (0,) as in a StepDrive.  A body drawn at a field of temperatures expands
         from there on.
         """
-        found = tuple(
-            moduli(self.spec.materials, self.spec.part_material[cells.part], mean, solid,
-                   (at_points(cells, T), at_points(cells, f_s) if f_s.size else None)).e_th / 3.0
-            for cells, (mean, solid, _) in zip(self.volume.kinds, self._warmth(T, f_s if f_s.size else None),
-                                               strict=True))
-        fields = [p for p, drawn_at in enumerate(self.spec.drawn_at) if not isinstance(drawn_at, float | None)]
-        for p in fields:
-            drawn = np.full_like(T, self.spec.materials[self.spec.part_material[p]].T_ref)
-            nodes = self.interface.part_nodes(p)
-            drawn[nodes] = start_temperature(self.spec.drawn_at[p], self.interface, nodes)
+        materials, material = self.spec.materials, self.spec.part_material
+        found = tuple(thermal_strain(materials, material[cells.part], *_at_points(cells, T, f_s if f_s.size else None))
+                      / 3.0 for cells in self.volume.kinds)
+        for p, drawn_at in enumerate(self.spec.drawn_at):
+            if drawn_at is None or isinstance(drawn_at, float):
+                continue
+            drawn = self._drawn_field(p)
             for cells, free in zip(self.volume.kinds, found, strict=True):
                 own = cells.part == p
-                warm = at_points(cells, drawn)[own]
-                then = moduli(self.spec.materials, self.spec.part_material[cells.part[own]], warm.mean(axis=1), None,
-                              (warm, None))
-                # fault: heat that a body is drawn with counts as dropped -> free[own] -= 0.0 * then.e_th |
+                then = thermal_strain(materials, material[cells.part[own]], at_points(cells, drawn)[own], None)
+                # fault: heat that a body is drawn with counts as dropped -> free[own] -= 0.0 * then |
                 #   mechanical_fmu/test_thermal_bending
-                free[own] -= then.e_th / 3.0
+                free[own] -= then / 3.0
         return found
 
     @cached_property
@@ -245,8 +240,7 @@ class System:
         for p, drawn_at in enumerate(self.spec.drawn_at):
             if drawn_at is None:
                 continue
-            T, nodes = np.zeros(self.volume.n_nodes), self.interface.part_nodes(p)
-            T[nodes] = start_temperature(drawn_at, self.interface, nodes)
+            T = self._drawn_field(p)
             liquid, one = self.spec.materials[self.spec.part_material[p]].flow.liquid, isinstance(drawn_at, float)
             # What melts is told the solid fraction at nodes, whose mean is not that of the mean temperature.
             # fault: a cell that is half mush is drawn at its mean temperature -> solid = None |
@@ -261,6 +255,13 @@ class System:
                 e_th[k][own] = moduli(self.spec.materials, self.spec.part_material[cells.part[own]], mean[own],
                                       None if part is None else part[own], inside).e_th
         return tuple(e_th)
+
+    def _drawn_field(self, p: int) -> Floats:
+        """(n_nodes,) [K] at which part p is drawn; T_ref elsewhere."""
+        T = np.full(self.volume.n_nodes, self.spec.materials[self.spec.part_material[p]].T_ref)
+        nodes = self.interface.part_nodes(p)
+        T[nodes] = start_temperature(self.spec.drawn_at[p], self.interface, nodes)
+        return T
 
     @cached_property
     def melts(self) -> bool:
@@ -313,7 +314,7 @@ class System:
         n = len(self.interface.bodies)
         E, kappa = np.zeros(n), np.zeros(n)
         for cells, m in zip(self.volume.kinds, loading.moduli, strict=True):
-            np.maximum.at(E, cells.body, 9.0 * m.kappa * m.mu / (3.0 * m.kappa + m.mu))
+            np.maximum.at(E, cells.body, m.E)
             np.maximum.at(kappa, cells.body, m.kappa)
         floor: Floats = np.maximum(FORCE_FLOOR * E, ROUND_OFF * kappa / tolerance) * self.size
         # A rigid body has no stiffness of its own: it is as exact as the softest of the others.
@@ -335,6 +336,11 @@ class System:
         # fault: tolerance of a body measured by the other -> return np.sqrt(squares[1:]) * [1.0, 0.0][:len(squares) -
         #   1] | mechanical_fmu/test_elastic_contact
         return np.sqrt(squares[1:])
+
+
+def _at_points(cells: Cells, T: Floats, f_s: Floats | None) -> tuple[Floats, Floats | None]:
+    """T [K] and f_s [1] at the points of cells, (n_e, nq) each, of nodal ones."""
+    return at_points(cells, T), None if f_s is None else at_points(cells, f_s)
 
 
 def system_of(interface: Interface, spec: ElasticSpec, given: MechanicalVolume | None = None) -> System:

@@ -26,7 +26,7 @@ ZERO_CELSIUS = 273.15
 GUESS_AFTER = 0.05
 FAILURES = {Verdict.THERMAL_DISCARD.value: "the thermal solver failed",
             Verdict.MECHANICAL_DISCARD.value: "the mechanical solver failed"}
-NUMBER = re.compile(r"[-+]?\d[\d.]*(e[-+]?\d+)?")
+NUMBER = re.compile(r"(?<![\w.])\d[\d.]*(e[-+]?\d+)?")  # not that of a name: b1
 # Adaptive windows are often rejected for their error: so many are printed one by one.
 LISTED = 10
 SETTING_UP = "building and loading the halves; the first run on a machine compiles them too, a minute or more"

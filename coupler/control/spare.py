@@ -320,17 +320,11 @@ def as_whole(state: CoupledState, scheme: Scheme, H: float) -> CoupledState | No
     once.
     """
     ahead = AHEAD if scheme_of(scheme).exchange_at(Seen.MIDDLE).friction is not None else frozenset()
-    # fault: heat that halves deliver is held against nothing -> late: dict[str, EnergyAccount] = {} |
-    #   coupler/test_spare
-    late = {n: _more(a, H) for n, a in state.accounts.items() if n not in ahead and a.power is not None}
-    return replace(state, accounts={**state.accounts, **late}) if any(a.carry.any() for a in late.values()) else None
-
-
-def _more(account: EnergyAccount, H: float) -> EnergyAccount:
-    """The account with what half of H [s] makes at the power of before, where something is carried."""
-    if account.power is None or not account.carry.any():
-        return account
-    return replace(account, carry=account.carry + 0.5 * H * account.power)
+    # fault: heat that halves deliver is held against nothing -> carried: dict[str, EnergyAccount] = {} |
+    #   coupler/test_estimate::test_heat_that_comes_late_is_no_error_of_every_window
+    carried = {n: a for n, a in state.accounts.items() if n not in ahead and a.carry.any()}
+    late = {n: replace(a, carry=a.carry + 0.5 * H * a.power) for n, a in carried.items() if a.power is not None}
+    return replace(state, accounts={**state.accounts, **late}) if late else None
 
 
 def can_look(halves: Halves, span: Span) -> bool:

@@ -76,6 +76,16 @@ def test_tries_of_one_window_are_one_line() -> None:
     assert "| window 1 of 0.002 s (10 rejected)" in second
 
 
+def test_bodies_whose_names_differ_in_a_number_are_two_reasons() -> None:
+    line, file = shown()
+    with line:
+        for body in ("b1", "b2"):
+            line(replace(FIRST, verdict="mechanical discard", message=f"nothing holds body {body}", H=2.0))
+        line(replace(FIRST, H=1.0))
+    assert "nothing holds body b1" in file.getvalue()
+    assert "nothing holds body b2" in file.getvalue()
+
+
 def test_no_window_is_beyond_the_planned_ones() -> None:
     """After a rejection there are more windows than were planned: "window 5/4" was said."""
     line, file = shown()

@@ -12,13 +12,15 @@ import numpy as np
 import pytest
 
 sys.path.insert(0, str(Path(__file__).parent))
+from adaptive_run import plan_to, tries
 from coupled_run import start
 from fake_halves import G_M, K_G, T_IN, T_S, T_W, X_OUT, C, FakeHalf, G, blocks_of, gap_of, lumped, shrinking
 from scipy.integrate import solve_ivp
 from true_error import ONE, windows
 
-from coupler.control import error_estimate
+from coupler.control import error_estimate, spare
 from coupler.control.error_estimate import Measured, Memory
+from coupler.control.loop import Tried
 from coupler.control.loop import windows as run_windows
 from coupler.control.plan import Plan
 from coupler.control.solve_window import SavedStates, SolveOptions, doubled, halved, solve_once
@@ -333,3 +335,17 @@ def test_windows_find_their_size(scheme: Scheme) -> None:
     assert many[0].solved.verdict is Verdict.ERROR
     assert many[1].H < 0.7 * many[0].H
     assert all(w.error is not None and w.error.error <= 1.0 for w in many if w.accepted)
+
+
+@pytest.mark.parametrize("scheme", [Scheme.STAGGERED, Scheme.EXTRAPOLATED])
+def test_heat_that_comes_late_is_no_error_of_every_window(scheme, monkeypatch):
+    """Heat made at one power: windows need be a sixth in number.  The solve it takes is counted, once there is heat."""
+    def taken() -> list[Tried]:
+        plan = plan_to(200.0, scheme=scheme)
+        return [w for w in tries(plan, mechanical=shrinking(840.0, heat=1e3)) if w.accepted]
+
+    found = taken()
+    assert [w.solved.work.thermal_solves for w in found[:2]] == [3, 4]
+    assert [w.solved.work.mechanical_solves for w in found[:2]] == [3, 4]
+    monkeypatch.setattr(spare, "as_whole", lambda *args: None)
+    assert len(taken()) > 4 * len(found)
