@@ -25,6 +25,12 @@ def printable(text: str) -> str:
     return UNPRINTABLE.sub(lambda found: f"\\u{ord(found[0]):04x}", text)
 
 
+def in_words(value: float) -> str:
+    """Write a number as a sentence has it: 8980 and 0.0312, with an exponent only where that would be long."""
+    # fault: messages say 8.98e+03 -> return f"{value:.3g}" | coupler/test_error_text
+    return f"{float(f'{value:.3g}'):.7g}" if value == 0.0 or 1e-4 <= abs(value) < 1e7 else f"{value:.3g}"
+
+
 class SlidelineError(Exception):
     """Base of all errors below; its text is meant for the user."""
 
@@ -112,7 +118,7 @@ class CouplingError(SlidelineError):
             where += f", iteration {self.iteration}"
         text = f"{where}: {self.message.rstrip('.')}"
         if self.residuals:
-            text += f" (last residuals: {', '.join(f'{r:.3g}' for r in self.residuals)})"
+            text += f" (last residuals, in tolerances: {', '.join(map(in_words, self.residuals))})"
         return printable(f"{text}. {self.remedy}" if self.remedy else text)
 
 

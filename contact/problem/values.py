@@ -16,6 +16,7 @@ from typing import Annotated, Any
 from pydantic import AfterValidator, BeforeValidator, GetCoreSchemaHandler, WithJsonSchema
 from pydantic_core import PydanticCustomError, core_schema
 
+from contact.problem.near import nearest
 from contact.problem.units import NUMBER, UnitError, as_float, quantity_from, si_name
 
 At = tuple[str | int, ...]
@@ -37,8 +38,8 @@ def covers(words: Collection[str], path: str) -> bool:
 def did_you_mean(word: str, known: Iterable[str]) -> str:
     """Name the nearest of the known words, then the others (of many, the nearest ones)."""
     names = sorted(known)
-    near = difflib.get_close_matches(word, names, n=1, cutoff=0.6)
-    guess = f"Did you mean {near[0]!r}? " if near else ""
+    near = nearest(word, names)
+    guess = f"Did you mean {near!r}? " if near else ""
     more = ""
     if len(names) > MANY:
         more = f" and {len(names) - MANY} more"

@@ -9,6 +9,7 @@ interrupted.
 
 from __future__ import annotations
 
+import json
 import sys
 from dataclasses import dataclass
 from importlib import import_module
@@ -152,6 +153,11 @@ def main() -> None:
         told = str(exc).splitlines() if isinstance(exc, ScenarioError) else [str(exc)]
         typer.echo("\n".join([*(f"error: {line}" for line in told), *getattr(exc, "__notes__", ())]), err=True)
         code = {ScenarioError: BAD_INPUT, ResultsError: BAD_RESULTS}.get(type(exc), FAILED)
+        # fault: a script that reads a failed run gets no JSON -> if False: | coupler/test_cli
+        if "--json" in sys.argv[1:]:
+            from coupler.cli.failure import failure
+
+            typer.echo(json.dumps(failure(exc, code), indent=1))
         sys.exit(code)
     except KeyboardInterrupt as exc:
         typer.echo("\n".join(getattr(exc, "__notes__", ())), err=True)

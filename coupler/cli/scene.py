@@ -45,8 +45,10 @@ def check_command(scenario: ScenarioFile, sets: SetOption = None, swaps: SwapOpt
     except ScenarioError as exc:
         if not as_json:
             raise
+        notes = [note.removeprefix("note: ") for note in getattr(exc, "__notes__", ())]
         errors = [{"line": e.line, "key": e.key, "message": e.message, "remedy": e.remedy} for e in (exc, *exc.others)]
-        typer.echo(json.dumps({"file": str(scenario), "valid": False, "errors": errors}, indent=1))
+        typer.echo(json.dumps({"file": str(scenario), "valid": False, "errors": errors, "notes": notes},
+                              indent=1))
         raise typer.Exit(BAD_INPUT) from None
     if rules is not None:
         for line in rules_report(s, Results(rules)):

@@ -26,6 +26,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from coupler.control.body_strain import NO_CELLS, BodyCells
+from coupler.errors import in_words
 from coupler.scenario.options import ErrorTolerances, Iteration, Scheme, Seen, Tolerance
 from coupler.schemes.accounts import AHEAD
 from coupler.schemes.levels import Level
@@ -171,7 +172,7 @@ class Estimate:
         """The quantity that is worst, and by how much."""
         quantity, _, body = self.worst.partition(".")
         of = quantity.replace("_", " ") + (f" of {body}" if body else "")
-        return f"error of {of} is {self.error:.3g} tolerances"
+        return f"error of {of} is {in_words(self.error)} times its tolerance"
 
     def largest(self, values: Mapping[str, float], quantity: str) -> float | None:
         """Return the largest of a quantity, of all bodies; None where it has none.  values : one of the above."""

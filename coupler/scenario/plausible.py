@@ -8,9 +8,13 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
+from typing import Any
+
+from pydantic import ValidationError
 
 from contact.half.interface import Interface
 from contact.problem.curves import Polynomial, PropertyTable
+from contact.problem.errors import wrongs
 from contact.problem.material import Material
 from contact.problem.part import properties_in
 from contact.problem.units import unit_from
@@ -58,15 +62,7 @@ def unlikely(stated: ScenarioFile, interface: Interface, units: UnitSystem | Non
     stated : what the file says, in SI.  units : of the file's plain numbers, where they are not SI.
     """
     used = {part.material for body in stated.bodies.values() for part in body.parts.values()}
-    notes = []
-    for name in sorted(used & stated.materials.keys()):
-        # fault: numbers far from any material's pass without a word -> told: list[str] = [] |
-        #   coupler/test_scenario_plausible
-        told = [_told(*odd, units) for odd in _odd(stated.materials[name])]
-        if told:
-            what = "All numbers are SI" if units is None else f"Plain numbers are in {units.symbols} and s"
-            notes.append(f"material {name}: {', '.join(told)}; no engineering material is near. {what}; "
-                         "in a scene in units of its own this may stand")
+    notes = unlikely_materials({name: stated.materials[name] for name in used & stated.materials.keys()}, units)
     x = interface.nodes
     for k, body in enumerate(interface.bodies):
         own = x[interface.node_body == k]
@@ -77,6 +73,44 @@ def unlikely(stated: ScenarioFile, interface: Interface, units: UnitSystem | Non
             notes.append(f"body {body} is {size:.3g} m long" + (f": is {slip} meant? Lengths are in {what}, those of a "
                          "mesh file times its `unit`" if slip else ""))
     return notes + _cold(stated)
+
+
+def unlikely_materials(materials: Mapping[str, Material], units: UnitSystem | None) -> list[str]:
+    """Return a sentence for each material whose numbers are far from those of engineering."""
+    notes = []
+    for name in sorted(materials):
+        # fault: numbers far from any material's pass without a word -> told: list[str] = [] |
+        #   coupler/test_scenario_plausible
+        told = [_told(*odd, units) for odd in _odd(materials[name])]
+        if told:
+            what = "All numbers are SI" if units is None else f"Plain numbers are in {units.symbols} and s"
+            notes.append(f"material {name}: {', '.join(told)}; no engineering material is near. {what}; "
+                         "in a scene in units of its own this may stand")
+    return notes
+
+
+def unlikely_text(tree: Mapping[str, Any], units: UnitSystem | None) -> list[str]:
+    """Return the same of a file whose form is wrong: of the data of its materials that can be read.
+
+    tree : the values of the file, plain numbers in SI.
+    """
+    materials = tree.get("materials")
+    if not isinstance(materials, Mapping):
+        return []
+    return unlikely_materials({name: _readable(spec) for name, spec in materials.items() if isinstance(spec, Mapping)},
+                              units)
+
+
+def _readable(spec: Mapping[str, Any]) -> Material:
+    """The material of a mapping without the keys that are wrong."""
+    while True:
+        try:
+            return Material.model_validate(spec)
+        except ValidationError as exc:
+            wrong = {w.key[0] for w in wrongs(exc) if w.key}
+            if not wrong & spec.keys():
+                return Material()
+            spec = {key: value for key, value in spec.items() if key not in wrong}
 
 
 def _odd(material: Material) -> Iterator[tuple[str, float, Usual]]:

@@ -15,6 +15,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from coupler.errors import in_words
 from coupler.scenario.options import Iteration, OnMax, Scheme, Seen, Tolerance, Tolerances
 from coupler.schemes.acceleration import Memory, Trail, contraction, contractions, next_guess, relaxed, remembered
 from coupler.schemes.levels import Level, exchanged, predicted
@@ -171,11 +172,12 @@ def _unpacked(vector: Array, like: Level, how: Iteration) -> Level:
 
 def _why(so_far: _Progress, how: Iteration) -> str:
     """The message of a window that did not converge."""
-    last = ", ".join(f"{name.replace('_', ' ')} {value:.3g}" for name, value in so_far.misfits[-1].items())
+    last = ", ".join(f"{name.replace('_', ' ')} by {in_words(value)} times its tolerance"
+                     for name, value in so_far.misfits[-1].items())
     ratio = so_far.history.contraction
-    told = f"; plain iteration multiplies a difference by {ratio:.3g} here" if ratio == ratio else ""
-    return (f"{how.max_iterations} iterations with acceleration {how.acceleration.value} leave differences of "
-            f"{last} tolerances{told}")
+    told = f"; plain iteration multiplies a difference by {in_words(ratio)} here" if ratio == ratio else ""
+    return (f"not converged: after {how.max_iterations} iterations with acceleration {how.acceleration.value} the last "
+            f"two differ in {last}{told}")
 
 
 _END = Exchanged(Sees.END, 1)

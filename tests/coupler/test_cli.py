@@ -16,7 +16,7 @@ import pytest
 from coupler import Results, load_scenario
 from coupler.cli import cli
 from coupler.cli.running import _reported
-from coupler.errors import SlidelineError
+from coupler.errors import CouplingError, SlidelineError
 
 sys.path.insert(0, str(Path(__file__).parent))
 from synthetic_run import write_run
@@ -105,6 +105,33 @@ def test_wrong_input_is_one_error_and_a_code(tmp_path, monkeypatch, capsys, argu
     assert text in said
     assert "Traceback" not in said
     assert not list(tmp_path.iterdir())
+
+
+def test_a_script_reads_why_a_command_failed(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+
+    def failed(*arguments):
+        monkeypatch.setattr(sys, "argv", ["slideline", *arguments, "--json"])
+        with pytest.raises(SystemExit) as ended:
+            cli.main()
+        told = capsys.readouterr()
+        assert "error: " in told.err
+        facts = json.loads(told.out)
+        assert (facts["outcome"], facts["exit_code"]) == ("failed", ended.value.code)
+        return ended.value.code, facts["errors"]
+
+    code, errors = failed("run", BARS, "--set", "coupling.shceme=staggered", "--set", "geometry=plain")
+    assert (code, {e["where"]["key"] for e in errors}) == (2, {"coupling.shceme", "geometry"})
+    assert all(e["kind"] == "input" and e["message"] and e["remedy"] for e in errors)
+    assert failed("status", "nowhere.h5")[1][0]["kind"] == "results"
+    monkeypatch.setattr("coupler.cli.running.run", _no_equilibrium)
+    code, errors = failed("run", BARS, "-q")
+    assert (code, errors) == (1, [{"kind": "window", "message": "no equilibrium", "remedy": "Use smaller windows",
+                                   "where": {"t": 2.5, "window": 3, "iteration": 4}}])
+
+
+def _no_equilibrium(*_arguments, **_options):
+    raise CouplingError("no equilibrium", t=2.5, window=3, iteration=4, remedy="Use smaller windows")
 
 
 def test_a_process_ends_with_the_code_too(tmp_path):

@@ -8,7 +8,16 @@ from pathlib import Path
 
 import pytest
 
-from coupler.errors import UNPRINTABLE, CouplingError, HalfError, ResultsError, ScenarioError, printable, together
+from coupler.errors import (
+    UNPRINTABLE,
+    CouplingError,
+    HalfError,
+    ResultsError,
+    ScenarioError,
+    in_words,
+    printable,
+    together,
+)
 
 BAD = "a\x1b[31mb\x9bc\rd\u202ee\ud800f\x00g"
 GOOD = r"a\u001b[31mb\u009bc\u000dd\u202ee\ud800f\u0000g"
@@ -22,6 +31,14 @@ def test_no_error_steers_a_terminal(error):
     assert UNPRINTABLE.search(str(error)) is None
     assert "[31m" in str(error)
     str(error).encode()  # no half of a character is left
+
+
+@pytest.mark.parametrize(("value", "words"), [
+    (8983.4, "8980"), (0.99, "0.99"), (0.03124, "0.0312"), (0.0, "0"), (1234567.0, "1230000"), (1e-9, "1e-09"),
+    (2.5e12, "2.5e+12"), (float("inf"), "inf")])
+def test_numbers_in_sentences_have_no_exponent_where_they_need_none(value, words):
+    assert in_words(value) == words
+    assert f"tolerances: {words})" in str(CouplingError("m", residuals=[value]))
 
 
 def test_what_is_taken_out_can_be_told():

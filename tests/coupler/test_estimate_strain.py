@@ -188,7 +188,7 @@ def test_a_soft_body_is_not_judged_by_a_stiff_one() -> None:
     assert found.shares["elastic_strain.soft"] == pytest.approx(1e-5 / (1e-7 + 1e-3 * 1e-2))
     assert found.shares["elastic_strain.stiff"] == pytest.approx(1e-8 / (1e-7 + 1e-3 * 1e-5))
     assert found.order == 1, "the next window is sized by the first order of histories"
-    assert found.words == "error of elastic strain of soft is 0.99 tolerances"
+    assert found.words == "error of elastic strain of soft is 0.99 times its tolerance"
     assert found.largest(found.errors, "elastic_strain") == found.errors["elastic_strain.soft"]
 
 

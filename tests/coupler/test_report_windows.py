@@ -140,7 +140,7 @@ def test_axes_of_a_round_scene_are_r_and_z(tmp_path: Path) -> None:
 
 
 def test_reasons_of_several_windows_tell_the_range_of_their_numbers(run: Results) -> None:
-    run.reasons = {k: f"error of temperature is {0.5 + k / 4:g} tolerances; block2 at 3 s" for k in range(3)}
+    run.reasons = {k: f"error of temperature is {0.5 + k / 4:g} times its tolerance; block2 at 3 s" for k in range(3)}
     run.reasons[3] = "extrapolated: contraction 2.5e-05"
-    assert commonest(run, [0, 1, 2, 3]) == ("error of temperature is 0.5 to 1 tolerances; block2 at 3 s (3); "
+    assert commonest(run, [0, 1, 2, 3]) == ("error of temperature is 0.5 to 1 times its tolerance; block2 at 3 s (3); "
                                             "extrapolated: contraction 2.5e-05 (1)")

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import pytest
 
+from coupler.errors import ScenarioError
 from coupler.init.templates import shipped_scenarios, templates
 from coupler.scenario import Scenario, load_scenario
 
@@ -60,6 +61,20 @@ def test_a_unit_mistaken_is_told_with_the_one_meant(tmp_path: Path, wrong: dict[
     notes = scene(tmp_path, **wrong).notes
     assert any(told in note for note in notes) if told else notes == ()
     assert len(notes) == bool(told)
+
+
+@pytest.mark.parametrize(("wrong", "error"), [
+    ({"old": ", T_ref: 20", "new": ""}, "has no T_ref"),  # found last, when the scene is made
+    ({"old": "geometry: plane", "new": "geometry: plain"}, "not known here"),  # found first, key by key
+    ({"old": "nu: 0.3", "new": "nu: 3"}, "nu"),  # in the material itself
+])
+def test_a_unit_mistaken_is_told_beside_errors(tmp_path: Path, wrong: dict[str, str], error: str) -> None:
+    path = tmp_path / "bar.yaml"
+    path.write_text(SCENE.format(**{**RIGHT, "alpha": 12}).replace(wrong["old"], wrong["new"]))
+    with pytest.raises(ScenarioError) as raised:
+        load_scenario(path)
+    assert error in str(raised.value)
+    assert [note for note in raised.value.__notes__ if note.startswith("note: material steel: alpha is 12 1/K (in")]
 
 
 OWN = [*shipped_scenarios().glob("*.yaml"), *(template.document.path for template in templates().values())]
