@@ -63,7 +63,7 @@ def needed(half: str, materials: Mapping[str, Material], used: Iterable[str],
         if name in materials and (lacking := materials[name].lacks(tuple(needs))):
             why = "".join(f", {needs[key]} needs {key}" for key in lacking if needs[key])
             yield Wrong(("materials", name), f"material {name!r} lacks {', '.join(lacking)}, which the half {half!r} "
-                        f"needs{why and f' ({why[2:]})'}", "Add them, in SI.")
+                        f"needs{why and f' ({why[2:]})'}", "Add what is missing, in SI.")
 
 
 def places(interface: Interface, boundary: Sequence[Supported]) -> Iterator[Wrong]:

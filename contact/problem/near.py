@@ -36,6 +36,7 @@ MEANINGS = {
     "friction": ("mu",),
     "conduction": ("conductance",),
     "end": ("end_time", "t_end", "duration"),
+    "windows": ("dt", "time_step", "timestep", "step"),
     "size": ("step", "dt", "time_step", "length"),
 }
 BEGINNING = 3  # letters of a word that say which one is meant

@@ -196,7 +196,7 @@ def exactly_one(part: Part, names: Iterable[str]) -> str:
     given = [n for n in names if getattr(part, n) is not None]
     if len(given) != 1:
         have = " and ".join(given) or "none"
-        raise problem(f"exactly one of {', '.join(names)} is needed, {have} is given")
+        raise problem(f"exactly one of {', '.join(names)} is needed, not {have}")
     return given[0]
 
 

@@ -24,6 +24,7 @@ from coupler.experiments.findings import (
     goals_of,
     largest_ratio,
     named,
+    own_probes,
     parse_goal,
 )
 from coupler.experiments.trial import (
@@ -309,6 +310,8 @@ def advise(path: Path, folder: Path, options: AdviceOptions,
     requests = [parse_goal(text) for text in options.goals]
     # Its errors name lines, so it is checked before anything is tried; names of probes too.
     scenario = load_scenario(path, options.overrides)
+    # fault: a scenario without probes is run before it is refused -> pass | coupler/test_advise
+    own_probes(scenario.probes)
     for request in requests:
         # fault: names of probes are looked at after the full model has run -> pass |
         #   coupler/test_advise::test_a_probe_that_is_not_there_is_told_before_anything_runs

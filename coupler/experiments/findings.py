@@ -80,15 +80,21 @@ def parse_goal(text: str) -> GoalRequest:
     return GoalRequest(probe.strip(), number, match[2])
 
 
+def own_probes(names: Iterable[str]) -> list[str]:
+    """Return the probes that a scenario states.  Raises ScenarioError where there is none."""
+    own = [name for name in names if not name.startswith(OWN)]
+    if not own:
+        raise ScenarioError("the scenario has no probe, so no deviation can be measured", key="probes",
+                            remedy="Add probes of what the scene is about.")
+    return own
+
+
 def goals_of(requests: Sequence[GoalRequest], full: TrialResult) -> tuple[Goal, ...]:
     """Resolve the requests by the probes of the full model; without any, every probe within 1 % of its range.
 
     Where several requests name a probe the last one holds.  Raises ScenarioError for unknown probes and wrong units.
     """
-    own = [name for name in full.probes if not name.startswith(OWN)]
-    if not own:
-        raise ScenarioError("the scenario has no probe, so no deviation can be measured", key="probes",
-                            remedy="Add probes of what the scene is about.")
+    own = own_probes(full.probes)
     goals: dict[str, Goal] = {}
     for request in requests or (GoalRequest("*", 100 * DEFAULT_TOLERANCE, "%"),):
         goals |= {name: _goal(name, request, full) for name in named(request.pattern, own)}

@@ -131,6 +131,10 @@ class Results:
         if not self.path.exists():
             raise ResultsError(f"{self.path}: no such results file, and no journal of a run beside it. "
                                f"Check the path; `slideline run SCENARIO -o {self.path.name}` writes it")
+        # fault: a scenario in place of results is told as a bad signature -> if False: | coupler/test_results
+        if self.path.suffix in (".yaml", ".yml"):
+            raise ResultsError(f"{self.path}: this is a scenario, not a results file. "
+                               f"`slideline run {self.path.name} -o run.h5` makes its results")
         try:
             with h5py.File(self.path, "r") as f:
                 self._read(f)

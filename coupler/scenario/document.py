@@ -154,6 +154,7 @@ MAX_ALIASES = 200
 MAX_VALUES = 100_000
 MAX_DEPTH = 40
 MAX_MERGED = 10_000  # keys that all `<<` bring in, which the reader copies one by one
+HDF5 = b"\x89HDF\r\n\x1a\n"  # how each file of results begins
 MAX_NAME = 100  # letters of a key: names become those of files and of variables
 YAML_REMEDY = "Check indentation, brackets, colons and quotes there and on the line before."
 _ALIAS = re.compile(r"(?:^|[\s\[{,])\*[^\s\[\]{},*]", re.MULTILINE)
@@ -230,6 +231,10 @@ def _read_text(path: Path) -> str:
             file=file,
             remedy="A scenario holds no meshes and no long series; put the mesh into a file of its own.",
         )
+    # fault: a results file in place of a scenario is told as bad text -> if False: | coupler/test_scenario_reading
+    if data.startswith(HDF5):
+        raise ScenarioError("this is a results file, not a scenario", file=file,
+                            remedy="Give the YAML file; `slideline report` reads results.")
     try:
         return data.decode("utf-8-sig")
     except UnicodeDecodeError as exc:
@@ -256,13 +261,16 @@ def _parse(text: str, file: str) -> Any:
                             remedy="Write the values out, or merge fewer.") from exc
     except DuplicateKeyError as exc:
         # The message lists ways to switch the check off; only its first line is of use here.
-        said = str(exc.problem).splitlines()[0]
+        said = str(exc.problem).splitlines()[0].partition(" with value ")[0].removeprefix("found duplicate key ")
+        # fault: the whole value of a duplicated key is told -> said = str(exc.problem).splitlines()[0] |
+        #   coupler/test_scenario_reading
         raise ScenarioError(f"a key is duplicated: {said}", file=file, line=_line_of(exc),
                             remedy="Remove or rename one of the two.") from exc
     except MarkedYAMLError as exc:
-        raise ScenarioError(
-            f"not valid YAML: {exc.problem or exc.context}", file=file, line=_line_of(exc), remedy=YAML_REMEDY
-        ) from exc
+        said = str(exc.problem or exc.context)
+        # fault: a tab is told as a token that cannot start -> remedy = YAML_REMEDY | coupler/test_scenario_reading
+        remedy = "Indent with blanks, not with tabs." if r"'\t'" in said else YAML_REMEDY
+        raise ScenarioError(f"not valid YAML: {said}", file=file, line=_line_of(exc), remedy=remedy) from exc
     except YAMLError as exc:
         raise ScenarioError(f"not valid YAML: {str(exc).splitlines()[0]}", file=file, remedy=YAML_REMEDY) from exc
     except RecursionError as exc:
@@ -333,7 +341,8 @@ class _Reading:
 
     def _name(self, node: CommentedMap, name: Any, key: Key) -> str:
         if not isinstance(name, str):
-            raise self._error(key, f"the key {name!r} is not text", "Write the key as a word, or in quotes.")
+            raise self._error(key, f"the key {name!r} is not text",
+                              "Write the key as a word, or in quotes; a number has a decimal point, not a comma.")
         self._refuse_controls(name, key)
         # fault: names of any length -> if False: | coupler/test_scenario_reading
         if len(name) > MAX_NAME:

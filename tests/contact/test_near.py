@@ -27,6 +27,7 @@ MONITORS = ("max_p", "max_T", "max_dT", "window", "contraction", "t")
     ("iterations", ("max_iterations", "acceleration"), "max_iterations"),
     ("sheme", ("scheme", "end", "windows"), "scheme"),
     ("end_time", ("scheme", "end", "windows"), "end"),
+    ("dt", ("scheme", "end", "windows"), "windows"),
     ("xyz", MATERIAL, ""),
     ("x", (), ""),
 ])

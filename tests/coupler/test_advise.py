@@ -288,6 +288,15 @@ def test_a_file_with_anchors_is_written_anew(tmp_path: Path) -> None:
     assert document_from(tmp_path / "advised.yaml", written).tree == edited(document.tree, edits)
 
 
+def test_a_scenario_without_probes_is_refused_before_anything_runs(tmp_path: Path) -> None:
+    path = tmp_path / "bars.yaml"
+    path.write_text((ROOT / "scenarios" / "heated_bars.yaml").read_text("utf-8").partition("\nprobes:")[0] + "\n",
+                    "utf-8")
+    with pytest.raises(ScenarioError, match="no probe, so no deviation"):
+        advise(path, tmp_path / "advice", AdviceOptions((), {}, 600.0, 8))
+    assert not (tmp_path / "advice").exists()
+
+
 def test_a_probe_that_is_not_there_is_told_before_anything_runs(tmp_path: Path) -> None:
     with pytest.raises(ScenarioError, match=r"--for.*no such probe.*foo"):
         advise(ROOT / "scenarios" / "heated_bars.yaml", tmp_path / "advice", AdviceOptions(("foo=1K",), {}, 600.0, 8))

@@ -199,7 +199,7 @@ def test_a_misspelt_quantity_is_still_refused_when_the_file_is_read(tmp_path: Pa
 def test_a_probe_of_a_quantity_and_of_an_output_is_one_too_many(tmp_path: Path) -> None:
     two = "{T: {mean: high}, thermal.clock: value}"
     (tmp_path / "s.yaml").write_text(SCENE.replace("half: flux", "half: thermal").replace("{T: {mean: high}}", two))
-    with pytest.raises(ScenarioError, match=r"exactly one .* is needed, T and thermal.clock is given"):
+    with pytest.raises(ScenarioError, match=r"exactly one .* is needed, not T and thermal.clock"):
         load_scenario(tmp_path / "s.yaml")
 
 

@@ -219,3 +219,10 @@ def test_a_disk_full_while_recovering_says_so(tmp_path: Path, monkeypatch: pytes
     with pytest.raises(ResultsError, match="no space"):
         Results(out)
     assert journal_of(out).exists()
+
+
+def test_a_scenario_is_not_taken_for_results(tmp_path):
+    path = tmp_path / "scene.yaml"
+    path.write_text("slideline: 2\n")
+    with pytest.raises(ResultsError, match="this is a scenario, not a results file"):
+        Results(path)

@@ -39,6 +39,7 @@ def refusal(path: Path, data: bytes | None) -> ScenarioError:
     (b"a: 1\nb: [1, 2\nc: 3\n", "not valid YAML", 3),
     (b"a: 1\n\tb: 2\n", "not valid YAML", 2),
     (b"a: \xff\xfe\n", "not UTF-8", 1),
+    (b"\x89HDF\r\n\x1a\n\x00", "results file, not a scenario", 0),
     ("ä: 1\n".encode("latin-1"), "not UTF-8", 1),
     (b"a: 1\x00\n", "not valid YAML", 0),
     (b"a: 1\nb: 2\na: 3\n", "is duplicated", 3),
@@ -56,6 +57,18 @@ def test_what_is_no_scenario_is_one_clear_error(data: bytes | None, words: str, 
     error = refusal(tmp_path / "s.yaml", data)
     assert words in error.message
     assert error.line == line
+
+
+@pytest.mark.parametrize(("data", "words", "remedy"), [
+    (b"a:\n\tb: 2\n", "not valid YAML", "not with tabs"),
+    (b"a: {b: 1, b: {c: 2}}\n", 'a key is duplicated: "b"', "Remove or rename"),
+    (b"a: {E: 2,1e11: }\n", "not text", "decimal point, not a comma"),
+])
+def test_slips_of_typing_have_a_remedy(data: bytes, words: str, remedy: str, tmp_path: Path) -> None:
+    error = refusal(tmp_path / "s.yaml", data)
+    assert words in error.message
+    assert "value" not in error.message
+    assert remedy in error.remedy
 
 
 def test_what_is_done_to_a_document_another_of_the_same_text_does_not_see(tmp_path: Path,
