@@ -261,9 +261,9 @@ def _parse(text: str, file: str) -> Any:
                             remedy="Write the values out, or merge fewer.") from exc
     except DuplicateKeyError as exc:
         # The message lists ways to switch the check off; only its first line is of use here.
-        said = str(exc.problem).splitlines()[0].partition(" with value ")[0].removeprefix("found duplicate key ")
         # fault: the whole value of a duplicated key is told -> said = str(exc.problem).splitlines()[0] |
         #   coupler/test_scenario_reading
+        said = str(exc.problem).splitlines()[0].partition(" with value ")[0].removeprefix("found duplicate key ")
         raise ScenarioError(f"a key is duplicated: {said}", file=file, line=_line_of(exc),
                             remedy="Remove or rename one of the two.") from exc
     except MarkedYAMLError as exc:
