@@ -19,6 +19,7 @@ Floats = NDArray[np.float64]
 # The error that was estimated
 TIMES_ESTIMATED = 3.0
 SHARE_OF_WINDOWS = 0.98
+SHARES = (1, 4, 16)  # by which the tolerances of what is judged are divided
 MOST_WINDOWS = 40  # of a run that is compared: its reference has eight times as many
 FIELDS = {"temperature": "T", "displacement": "x"}
 SOLVED_TO = 1e-6  # of the range of a field: what Newton's tolerances leave, 1e-8 of the forces, times some windows
@@ -64,7 +65,7 @@ def _ratios(story: Story) -> dict[str, Floats]:
 def check_estimate(scene: Scene, story: Story, rng: np.random.Generator) -> Sequence[Finding]:
     """What a run says of its errors, against runs along its own windows cut in four and in eight; three tolerances."""
     ratios: dict[str, list[Floats]] = {}
-    for share in (1, 4, 16):
+    for share in SHARES:
         run = story if share == 1 else told(finer_windows(scene, share), most=MOST_WINDOWS)
         if run.outcome != COMPLETED or not 2 < len(run.levels) <= MOST_WINDOWS:
             break

@@ -43,6 +43,11 @@ def heat(brake: Results) -> float:
     return brake.ledger["friction.slave"] + brake.ledger["friction.master"]
 
 
+def test_as_shipped_it_is_to_be_trusted(brake: Results) -> None:
+    assert brake.outcome == "completed", brake.message
+    assert [f"{c.name}: {c.what}" for c in brake.broken] == []
+
+
 def test_mu_n_s_becomes_heat_and_all_is_delivered(brake: Results) -> None:
     p = brake.probe("pad.mean_p")[1]
     s = slid(brake)

@@ -31,6 +31,11 @@ def at(results: Results, name: str, t: float) -> float:
     return float(np.interp(t, *results.probe(name)))
 
 
+def test_it_is_to_be_trusted(coupled: Results) -> None:
+    assert coupled.outcome == "completed", coupled.message
+    assert [f"{c.name}: {c.what}" for c in coupled.broken] == []
+
+
 def test_the_lid_is_lifted_and_the_gap_is_widest_after_the_fire(coupled: Results) -> None:
     t, gap = coupled.probe("seat.gap")
     assert np.abs(gap[t <= 480]).max() < 1e-5  # closed but for the tilt of the rim, 2 um
