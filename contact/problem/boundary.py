@@ -22,7 +22,8 @@ class Supported(Part):
 
     on: Annotated[Text | None, Entry("the place, a surface; or", kind="surface")] = None
     at: Annotated[Text | None, Entry("the place, a point", kind="point")] = None
-    name: Annotated[Name | None, Entry("makes it an input of the half, and its heat or force an output; each name once",
+    name: Annotated[Name | None, Entry(
+        "makes the condition an input of the half, and its heat or force an output; each name only once",
                                        kind="name")] = None
 
     @property

@@ -28,9 +28,9 @@ class VoceHardening(Part):
     """s_y + Q (1 - exp(-b e)) + H e, e the plastic strain."""
 
     law: Literal["voce"]
-    Q: Annotated[PropertySpec, Entry("what hardening adds at last", "Pa")]
+    Q: Annotated[PropertySpec, Entry("hardening at saturation", "Pa")]
     b: Annotated[Positive, Entry("rate of saturation")]
-    H: Annotated[PropertySpec, Entry("slope that stays", "Pa")] = 0.0
+    H: Annotated[PropertySpec, Entry("slope of the flow stress after saturation", "Pa")] = 0.0
 
     @property
     def falls(self) -> bool:
@@ -45,11 +45,13 @@ class TableHardening(Part):
     law: Literal["table"]
     strain: Annotated[tuple[Number, ...], Entry("plastic strain, from 0, increasing", kind="[0, ...]")]
     stress: Annotated[tuple[Number | tuple[Number, ...], ...],
-                      Entry("flow stress at each strain; with `T` one list a temperature", "Pa", kind="[...]")]
-    T: Annotated[tuple[Number, ...] | None, Entry("of the lists in `stress`, increasing", "K", temperature=True,
-                                                default="one list for all")] = None
+                      Entry("flow stress at each strain; with `T`, one list for each temperature", "Pa", kind="[...]")]
+    T: Annotated[tuple[Number, ...] | None, Entry(
+        "temperatures of the lists in `stress`, increasing", "K", temperature=True,
+        default="one list for all")] = None
     form: Annotated[Form, Entry("between the points: straight lines, or a monotone cubic")] = Form.LINEAR
-    beyond: Annotated[Beyond, Entry("beyond the last point: the last stress, or on along the last slope")] = Beyond.FLAT
+    beyond: Annotated[Beyond, Entry(
+        "beyond the last point: the last stress, or extrapolated with the last slope")] = Beyond.FLAT
 
     @model_validator(mode="after")
     def _in_order(self) -> TableHardening:
@@ -90,7 +92,8 @@ class Kinematic(Part):
     """Backstress: dX = 2/3 C d(ep) - gamma X de."""
 
     C: Annotated[PropertySpec, Entry("modulus of the backstress", "Pa", above=0.0)]
-    gamma: Annotated[PropertySpec | None, Entry("its recall; 0 is Prager's law", "1", least=0.0, default="0")] = None
+    gamma: Annotated[PropertySpec | None, Entry(
+        "recall of the backstress (Armstrong and Frederick); 0 is Prager's law", "1", least=0.0, default="0")] = None
 
 
 class Overstress(Part):
@@ -112,7 +115,7 @@ class Plastic(Part):
     kinematic: Annotated[Kinematic | None, Entry("backstress")] = None
     overstress: Annotated[Overstress | None, Entry("stress above yield, by the rate")] = None
     chi: Annotated[Number, Entry("share of the plastic work that becomes heat", least=0.0, most=1.0,
-                               why="Taylor and Quinney's, of metals at large strain.")] = 0.9
+                               why="0.9 is the value of Taylor and Quinney for metals at large strain.")] = 0.9
     softening: Annotated[Flag, Entry("permits flow stress that falls with strain",
                                    why="Where it falls the answer depends on the mesh.")] = False
 

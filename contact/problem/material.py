@@ -39,7 +39,8 @@ class Latent(Part):
     """Latent heat, taken up at one temperature or over a range."""
 
     L: Annotated[Positive, Entry("latent heat", "J/kg")]
-    T_m: Annotated[Number | None, Entry("where all of it is taken up; or", "K", temperature=True)] = None
+    T_m: Annotated[Number | None, Entry(
+        "melting temperature at which all of the latent heat is taken up; or", "K", temperature=True)] = None
     T_s: Annotated[Number | None, Entry("solidus: melting begins", "K", temperature=True)] = None
     T_l: Annotated[Number | None, Entry("liquidus: melting ends", "K", temperature=True)] = None
 

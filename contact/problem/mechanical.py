@@ -67,7 +67,7 @@ class ContactMass(StrEnum):
 class Rotation(Part):
     """A turn in the plane about a fixed point, by a finite angle."""
 
-    about: Annotated[tuple[Number, Number], Entry("the point that stays", "m")]
+    about: Annotated[tuple[Number, Number], Entry("centre of the rotation", "m")]
     angle: Annotated[SignalSpec, Entry("anticlockwise, of any size; 1.5708 is a quarter turn", "rad")]
 
 
@@ -93,12 +93,14 @@ class ElasticBoundary(Supported):
                                            default="any; a SIGNAL if rigid")] = None
     u_y: Annotated[FieldSpec | None, Entry("prescribed displacement along y", "m",
                                            default="any; a SIGNAL if rigid")] = None
-    rotation: Annotated[Rotation | None, Entry("holds the place at x = about + R(angle) (X + u - about), u from u_x "
-                                               "and u_y: these turn along", default="any (plane)")] = None
+    rotation: Annotated[Rotation | None, Entry(
+        "prescribes the position x = about + R(angle) (X + u - about); u is from "
+        "`u_x` and `u_y`, so these rotate with the place", default="any (plane)")] = None
     angle: Annotated[SignalSpec | None, Entry("prescribed angle, anticlockwise", "rad", default="`body`, rigid")] = None
     until: Annotated[Release | None, Entry(
-        "releases a displacement at a time, or after the window in which a pair closes; what held it goes within the "
-        "next window", "s", default="where displacements are", kind="number > 0, or {PAIR: closes}")] = None
+        "releases a prescribed displacement at this time, or after the window in which a pair closes; the force "
+        "that held it goes to zero within the next window",
+        "s", default="where displacements are", kind="number > 0, or {PAIR: closes}")] = None
     pressure: Annotated[SignalSpec | None, Entry("positive pushes on the body and follows it", "Pa",
                                                  default="`on`")] = None
     t_x: Annotated[SignalSpec | None, Entry("traction on the reference surface, of fixed direction", "Pa",
@@ -157,13 +159,15 @@ class Gravity(Part):
 class BodyOptions(Part):
     """What is said of one body alone."""
 
-    element: Annotated[Element | None, Entry("what its cells are made of", default="that of all")] = None
+    element: Annotated[Element | None, Entry("element type of this body", default="that of all")] = None
     rigid: Annotated[Flag, Entry("the body keeps its shape and moves as a whole")] = False
     reference: Annotated[tuple[Number, Number] | None, Entry(
-        "the point a rigid body's motion and forces are told of; not with inertia", "m",
+        "reference point of the motion and the forces of a rigid body; not with inertia", "m",
         default="centre of its volume")] = None
     v0: Annotated[tuple[Number, Number], Entry("velocity at the start (with inertia)", "m/s")] = (0.0, 0.0)
-    omega0: Annotated[Number, Entry("turning about the middle at the start", "rad/s")] = 0.0
+    omega0: Annotated[Number, Entry(
+        "angular velocity at the start, about the centre of the body's bounding box (rigid body: "
+        "of its volume)", "rad/s")] = 0.0
 
     @model_validator(mode="after")
     def _reference_of_rigid(self) -> BodyOptions:
@@ -177,14 +181,17 @@ class Dynamics(Part):
 
     beta: Annotated[Positive | None, Entry("Newmark's; at least gamma/2", default="1/4")] = None
     gamma: Annotated[Positive | None, Entry("Newmark's; at least 1/2", default="1/2")] = None
-    rho_inf: Annotated[Number | None, Entry("instead: damps what is too fast for the step (1: nothing)", least=0.0,
+    rho_inf: Annotated[Number | None, Entry(
+        "instead: generalized-alpha method, damps modes that are too fast for the step (1: no damping)", least=0.0,
                                           most=1.0, remedy="0 is all damping, 1 is none.")] = None
-    alpha: Annotated[Number | None, Entry("instead: the same by Hilber, Hughes and Taylor", least=-1.0 / 3.0,
+    alpha: Annotated[Number | None, Entry(
+        "instead: method of Hilber, Hughes and Taylor, damps the same modes", least=-1.0 / 3.0,
                                           most=0.0, kind="-1/3 to 0")] = None
     mass: Annotated[Mass, Entry("mass matrix")] = Mass.CONSISTENT
     contact_mass: Annotated[ContactMass, Entry(
-        "mass of nodes on the surfaces of pairs: carried by the nodes behind them, so that contact does not rattle, or "
-        "kept; `explicit` keeps it")] = ContactMass.BEHIND
+        "mass of the nodes on contact surfaces: `behind` moves it to the nodes behind them, "
+        "so that contact pressure does not oscillate; `kept` leaves it, as `explicit` always"
+        " does")] = ContactMass.BEHIND
 
     @model_validator(mode="after")
     def _one_family(self) -> Dynamics:
@@ -201,8 +208,8 @@ class Dynamics(Part):
 class Skip(Part):
     """Steps that would move next to nothing are skipped."""
 
-    u: Annotated[Positive, Entry("steps whose inputs would move nothing by more than this are skipped", "m")]
-    most: Annotated[Whole, Entry("at most so many in a row")] = 10
+    u: Annotated[Positive, Entry("a step is skipped if its inputs would move no node by more than this", "m")]
+    most: Annotated[Whole, Entry("most steps skipped in a row")] = 10
 
 
 class ElasticSettings(Part):
@@ -212,7 +219,7 @@ class ElasticSettings(Part):
                                          remedy="It is a share of the forces.")] = 1e-8
     boundary: Annotated[tuple[ElasticBoundary, ...], Entry("entries below", default="none", kind="list")] = ()
     method: Annotated[Solution, Entry("`docs/elements.md` says when to use which")] = Solution.NEWTON
-    cuts: Annotated[Count, Entry("how often a step that fails is halved inside the half before it is given up",
+    cuts: Annotated[Count, Entry("how often the half may halve a step that fails before it rejects the step",
                                most=MOST_CUTS)] = 4
     element: Annotated[Element, Entry("`enhanced` for bending")] = Element.MEAN_DILATATION
     start: Annotated[Start, Entry("without inertia: a load or displacement that jumps at t = 0 acts just after it, or "
@@ -256,7 +263,8 @@ class Motion(Part):
 
     u_x: Annotated[SignalSpec, Entry("displacement along x; bodies not named stay", "m")] = 0.0
     u_y: Annotated[SignalSpec, Entry("along y", "m")] = 0.0
-    rotation: Annotated[Rotation | None, Entry("then a turn about a point (plane)", default="none")] = None
+    rotation: Annotated[Rotation | None, Entry(
+        "rotation about a point, after the displacement (plane only)", default="none")] = None
 
 
 class Rigid(Part):
@@ -270,8 +278,8 @@ class Rigid(Part):
 class Held(Part):
     """Which ends of a rod are held."""
 
-    left: Annotated[SignalSpec | None, Entry("displacement of a held end along x; every body needs one held end at "
-                                             "least",
+    left: Annotated[SignalSpec | None, Entry(
+        "prescribed displacement of this end along x; every body needs at least one such end",
                                            "m", default="free")] = None
     right: Annotated[SignalSpec | None, Entry("the same of the other end", "m", default="free")] = None
 

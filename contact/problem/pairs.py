@@ -50,8 +50,9 @@ class NearRadiation(Part):
     emissivity_slave: Annotated[PropertySpec, Entry("of the slave, at its temperature", above=0.0, most=1.0)]
     emissivity_master: Annotated[PropertySpec, Entry("of the master, at its temperature", above=0.0, most=1.0)]
     gap: Annotated[RadiationGap | None, Entry(
-        "in full up to `d_near`, fading to nothing at `d_far`; far radiation of the same surfaces may fade in over the "
-        "same gaps", default="in full at every gap")] = None
+        "full radiation up to the gap `d_near`, none from `d_far`; radiation of the same surfaces to the "
+        "surroundings can grow over the same gaps (`thermal.boundary`)",
+        default="full radiation at every gap")] = None
 
 
 class Friction(Part):
@@ -86,11 +87,14 @@ class Augmented(Part):
     """Multipliers drive the penetration out."""
 
     tolerance: Annotated[Number, Entry(
-        "no penetration (elastic): pressures are corrected until they change by no more than this share of the "
-        "largest; of several pairs the tightest holds", least=LEAST_TOLERANCE, below=1.0,
+        "pressures (half `elastic`) are corrected until they change by no more "
+        "than this share of the largest; of several pairs the smallest value is "
+        "used", least=LEAST_TOLERANCE, below=1.0,
         remedy="1.0e-3 leaves a thousandth of the penetration's share.")] = 1e-3
-    method: Annotated[Settling, Entry("pressures are found with the displacements, or in rounds of equilibria; one for "
-                                    "all pairs", why="As many iterations as none.")] = Settling.SEMI_SMOOTH
+    method: Annotated[Settling, Entry(
+        "`semi_smooth`: pressures and displacements are solved together; `uzawa`: a series of equilibria with "
+        "corrected pressures. The same for all pairs",
+        why="`semi_smooth` takes about as many iterations as the penalty alone.")] = Settling.SEMI_SMOOTH
 
 
 class ContactForm(StrEnum):
@@ -104,7 +108,8 @@ class PairData(Part):
     """What the halves do with a pair."""
 
     augmented: Annotated[Augmented | None, Entry(
-        "no penetration (elastic); `null`: by the penalty alone", default="`{}`; with inertia `null`, but for tied "
+        "removes the penetration (half `elastic`); `null`: contact by the penalty alone",
+        default="`{}`; with inertia `null`, but for tied "
         "pairs (`null` with `explicit`)")] = None
     friction: Annotated[Friction | None, Entry("friction")] = None
     conduction: Annotated[Conduction | None, Entry("heat across contact and gap",
@@ -130,30 +135,36 @@ TIED_NEVER = {
 class ContactPair(PairData):
     """Two surfaces that may meet, or one that may fold onto itself."""
 
-    slave: Annotated[Text, Entry("without a common node with `master`; or the same one twice, for a surface that folds "
-                               "onto itself", kind="surface")]
+    slave: Annotated[Text, Entry(
+        "one surface; it shares no node with `master`, or is the same as `master` if a surface "
+        "folds onto itself", kind="surface")]
     master: Annotated[Text, Entry("the other side", kind="surface")]
-    gap_max: Annotated[Positive, Entry("farther apart, surfaces do not see each other", "m")]
-    form: Annotated[ContactForm, Entry("contact on edges cut at the other side's nodes; or, as in the paper, at one "
-                                       "point a slave node")] = ContactForm.EDGES
-    two_pass: Annotated[Flag, Entry("searched from either side, each counting half")] = False
+    gap_max: Annotated[Positive, Entry("largest gap at which the surfaces interact", "m")]
+    form: Annotated[ContactForm, Entry(
+        "`edges`: contact is integrated along the edges, divided at the nodes of the other "
+        "side; `nodes`: one contact point for each slave node, as in the paper")] = ContactForm.EDGES
+    two_pass: Annotated[Flag, Entry(
+        "contact is evaluated twice, with either side as the slave, each time with half the weight")] = False
     clearance: Annotated[FieldSpec | None, Entry(
-        "the gap where the surfaces face each other as drawn, whatever the drawing says; 0: as drawn they touch", "m",
+        "replaces the initial gap of the drawing where the surfaces face each other; 0: they just touch", "m",
         default="as drawn")] = None
-    interference: Annotated[FieldSpec | None, Entry("the same with the other sign: how far they would overlap", "m",
+    interference: Annotated[FieldSpec | None, Entry(
+        "the same with the opposite sign: replaces the initial overlap", "m",
                                                     default="as drawn")] = None
     smooth: Annotated[Flag, Entry(
-        "forces see both sides as round as they are drawn, through their nodes, not the edges between these; corners "
-        "stay corners")] = False
+        "contact forces use smooth curves through the nodes of both sides instead of the straight edges; "
+        "corners stay corners")] = False
     tied: Annotated[Flag, Entry(
-        "bonded: what faces each other as drawn, no farther apart than `gap_max`, stays so for good and conducts"
+        "bonded: places that face each other in the drawing, at most `gap_max` apart, stay bonded for the whole run"
+        " and conduct heat"
     )] = False
     resistance: Annotated[Positive | None, Entry(
-        "of a tied pair, to heat: its sides differ by the flux times it", "m2K/W",
-        default="none: it conducts as a hundredth of the two cells that meet there")] = None
+        "thermal resistance of a tied pair: the temperatures of its sides differ by the flux times this", "m2K/W",
+        default="none: the resistance of a hundredth of the two adjacent cells")] = None
     penalty: Annotated[Stiffness, Entry(
-        "contact stiffness; `auto`: at each place that of the two cells there in a row, of each its constrained "
-        "modulus at `T0`, at most 10 E, over its size", "Pa/m", kind="number > 0 or `auto`")] = "auto"
+        "contact stiffness; `auto`: at each place the stiffness of the two adjacent cells in series. The stiffness "
+        "of a cell is its constrained modulus at `T0` (at most 10 E) divided by its size",
+        "Pa/m", kind="number > 0 or `auto`")] = "auto"
 
     @model_validator(mode="after")
     def _fits_once(self) -> ContactPair:

@@ -18,7 +18,9 @@ class FromFrames(Part):
 
     path: Annotated[Text, Entry("results file of another run, relative to the scenario file", kind="path")] = Field(
         alias="from")
-    body: Annotated[Name | None, Entry("the body there", kind="name", default="of the same name")] = None
+    body: Annotated[Name | None, Entry(
+        "name of the body in that run",
+        kind="name", default="of the same name")] = None
 
     @model_validator(mode="after")
     def _has_a_path(self) -> FromFrames:
@@ -28,8 +30,9 @@ class FromFrames(Part):
 class Replay(Part):
     """What the half `replay` plays."""
 
-    path: Annotated[Text, Entry("results file of a run of this scene, relative to the scenario file: the half gives "
-                                "out what stands in its frames, on straight lines between them", kind="path")] = Field(
+    path: Annotated[Text, Entry(
+        "results file of a run of this scene, relative to the scenario file: the half "
+        "returns the values of its frames, linear in between", kind="path")] = Field(
         alias="from")
 
     @model_validator(mode="after")

@@ -69,8 +69,9 @@ class Radiation(Part):
         "q = sigma_SB emissivity (T^4 - T_inf^4) in kelvin, out of the body", above=0.0, most=1.0)]
     T: Annotated[FieldSpec, Entry("T_inf of the surroundings", "K", temperature=True)]
     gap: Annotated[RadiationGap | None, Entry(
-        "fades in from nothing to all between these gaps to the facing surface; what faces nothing radiates in full",
-        default="in full everywhere")] = None
+        "radiation grows from none to full between these gaps to the facing surface; places that face no surface "
+        "radiate in full",
+        default="full radiation everywhere")] = None
 
 
 CONDITIONS = ("temperature", "flux", "convection", "radiation")
@@ -79,7 +80,7 @@ CONDITIONS = ("temperature", "flux", "convection", "radiation")
 class ThermalBoundary(Supported):
     """One condition on a surface, or a temperature at a point or of a whole body."""
 
-    body: Annotated[Name | None, Entry("the place, all of a body: its temperature is given, not solved for",
+    body: Annotated[Name | None, Entry("the place, a whole body: its temperature is prescribed everywhere",
                                        kind="name")] = None
     temperature: Annotated[GivenSpec | None, Entry("prescribed; of a body also that of another run", "K",
                                                    temperature=True, kind="FIELD, or `{from: run.h5}`")] = None
@@ -110,7 +111,7 @@ class InnerSteps(Part):
 
     tolerance: Annotated[Positive | None, Entry("of the local error of an inner step", "K")] = None
     max_dT: Annotated[Positive | None, Entry("largest change of temperature in an inner step", "K")] = None
-    least: Annotated[Positive | None, Entry("no inner step is shorter", "s")] = None
+    least: Annotated[Positive | None, Entry("shortest inner step", "s")] = None
 
     @model_validator(mode="after")
     def _has_a_measure(self) -> InnerSteps:
@@ -126,10 +127,11 @@ class ThermalSettings(Part):
     theta: Annotated[Number | None, Entry("0.5 is the midpoint rule, 1 backward Euler", least=0.5, most=1.0,
                                         default="required with `theta`",
                                         remedy="Below 0.5 no large step would be stable.")] = None
-    increments: Annotated[Whole | None, Entry("with `steady` only: the load is put on in so many parts",
+    increments: Annotated[Whole | None, Entry(
+        "with `steady` only: number of equal steps in which the load is applied",
                                             default="1", most=MOST_INCREMENTS)] = None
     adaptive: Annotated[InnerSteps | None, Entry(
-        "inner steps, chosen by their error; at least one of the first two keys",
+        "inner time steps within a substep, sized by their error; needs `tolerance` or `max_dT`",
         default="none: one step a substep")] = None
     sigma_SB: Annotated[Positive, Entry("Stefan-Boltzmann constant", "W/m2K4")] = SIGMA_SB
     tolerance: Annotated[Positive, Entry("Newton residual over the sum of \\|terms\\|",

@@ -26,9 +26,11 @@ class FromRun(Part):
         alias="from")
     t: Annotated[Annotated[NotNegative, Tag("<number>")] | Annotated[Literal["end"], Tag("<word>")],
                  Discriminator(_time_form),
-                 Entry("when in that run, between its frames on a straight line; or its last frame", "s",
+                 Entry("time in that run, linear between its frames; `end`: its last frame", "s",
                        kind="number >= 0 or `end`")] = "end"
-    body: Annotated[Name | None, Entry("the body there", kind="name", default="of the same name")] = None
+    body: Annotated[Name | None, Entry(
+        "name of the body in that run",
+        kind="name", default="of the same name")] = None
 
     @model_validator(mode="after")
     def _has_a_path(self) -> FromRun:
@@ -48,7 +50,8 @@ class Block(Part):
     """A rectangle of the cells of a rectangle; its sides lie on lines of the mesh."""
 
     origin: Annotated[tuple[Number, Number], Entry("lower left corner", unit="m")]
-    size: Annotated[tuple[Positive, Positive], Entry("its sides, on lines of the mesh", unit="m")]
+    size: Annotated[tuple[Positive, Positive], Entry(
+        "lengths of its sides; they must lie on lines of the mesh", unit="m")]
 
 
 class Region(Part):
@@ -78,7 +81,8 @@ class MeshedBody(BodyHeat):
         "at time 0: a number, a sum of terms of x and y, or what another run left",
         "K", temperature=True, kind="number, terms or run")]
     u0: Annotated[FromRun | None, Entry(
-        "displacements at time 0, and what points and contact remember of another run (half `elastic`)", kind="run",
+        "state of another run at time 0: displacements, plastic and creep strain, history of contact "
+        "(half `elastic`)", kind="run",
         default="as drawn")] = None
     regions: Annotated[dict[Name, Region] | None, Entry(
         "cells with a material, a start or a source of their own; entries below", kind="name -> region",

@@ -26,11 +26,11 @@ class AdaptiveSpec(Part):
         unit="s",
         default="a thousandth of `end`")] = None
     least: Annotated[Positive | None, Entry(
-        "no window is shorter but to end at a breakpoint or an event; at this size an error that is too large is "
-        "taken and told",
+        "the smallest window, apart from those that end at a breakpoint or an event; a window of this size is "
+        "accepted even if its error is too large, and is reported",
         unit="s",
         default="1e-6 of `first`")] = None
-    most: Annotated[Positive | None, Entry("no window is longer", unit="s", default="`end`")] = None
+    most: Annotated[Positive | None, Entry("the largest window", unit="s", default="`end`")] = None
     tolerance: Annotated[ErrorTolerances, Entry("of the error of one window")] = ErrorTolerances()
 
     @model_validator(mode="after")
@@ -63,12 +63,12 @@ class Events(Part):
         kind="true, false",
         default="true where windows are adaptive, else false")] = None
     tolerance: Annotated[Positive | None, Entry(
-        "how nearly",
+        "how accurately that time is found",
         unit="s",
         default="1e-6 of the window")] = None
     branches: Annotated[StrictBool, Entry(
-        "windows end, too, where the least gap or the largest pressure of a pair passes a bend of a law: "
-        "`p_max`, `d_cut`, `d_full`, `d_near`, `d_far`; sets `events.locate`")] = False
+        "windows end, too, where the least gap or the largest pressure of a pair passes a breakpoint of a"
+        " law: `p_max`, `d_cut`, `d_full`, `d_near`, `d_far`; sets `events.locate`")] = False
 
     @model_validator(mode="after")
     def _are_located(self) -> Events:
@@ -81,8 +81,8 @@ class StopSpec(Part):
     """steady [K/s]: stop once the temperature of no node changes faster for two windows."""
 
     steady: Annotated[NotNegative | None, Entry(
-        "the run ends, as completed, once no node's temperature changes faster for two windows and no breakpoint "
-        "lies ahead",
+        "the run ends, as completed, once no temperature has changed faster than this for two windows and no "
+        "breakpoint is left",
         unit="K/s",
         default="none")] = None
 
@@ -129,7 +129,7 @@ class Deadlines(Part):
     thermal: Annotated[Positive | None, Entry(
         "seconds that one step of the thermal half may take under `--processes`", unit="s",
         default="20 times the median of its steps, at least 60",
-        why="A half that is stuck is named a second later, and the run ends.")] = None
+        why="One second after that the run ends; the error names the half.")] = None
     mechanical: Annotated[Positive | None, Entry(
         "of the mechanical half", unit="s", default="the same")] = None
 
@@ -138,11 +138,12 @@ class CouplingSpec(Part):
     """end [s], runs begin at 0; kinks [s] besides those of the signals; link to the contact service."""
 
     scheme: Annotated[Scheme, Entry(
-        "thermal first (the paper's); mechanics first; both at once; thermal first on extrapolated geometry; the same "
-        "along the heat stored, for windows with many thermal substeps; both until they agree, at two solves or more; "
-        "mechanics at frozen entropy, for `elastic` with `adiabatic: true`; one of them, the cheapest that is safe, "
-        "window by window ([coupling.md](coupling.md)). What each half sees of the other, and the order: "
-        "[theory.md](theory.md)",
+        "`staggered`: thermal half first (as in the paper); `mechanical_first`: mechanical half first; `parallel`:"
+        " both at once; `extrapolated`: thermal half first, on extrapolated geometry; `along_heat`: the same, "
+        "extrapolated over the heat stored, for windows with many thermal substeps; `iterated`: both until they "
+        "agree, two solves or more; `adiabatic`: mechanics at frozen entropy, for `elastic` with `adiabatic: "
+        "true`; `auto`: in each window the cheapest of these that is safe ([coupling.md](coupling.md)). "
+        "[theory.md](theory.md) gives the order and what each half receives",
         kind="`staggered`, `mechanical_first`, `parallel`, `extrapolated`, `along_heat`, `iterated`, `adiabatic`, "
              "`auto`",
         default="`auto`; `staggered` in files of version 1")] = Scheme.AUTO
@@ -151,15 +152,15 @@ class CouplingSpec(Part):
         default="")] = Iteration()
     end: Annotated[Positive, Entry("runs begin at 0", unit="s")]
     kinks: Annotated[tuple[Number, ...], Entry(
-        "times at which windows end and prediction starts afresh, besides the breakpoints of all signals the chosen "
-        "halves use; at those stated here, at jumps, and at breakpoints of motion and load the thermal half "
-        "restarts damped too",
+        "additional breakpoints: a window ends there and the prediction starts anew, as at the breakpoints of all "
+        "signals that the chosen halves use. At the times given here, at jumps, and at breakpoints of motion and "
+        "load the thermal half also restarts damped",
         unit="s",
         kind="[s, ...]",
         default="none")] = ()
     windows: Annotated[tuple[Windows, ...] | None, Entry(
-        "ranges, in order, that reach `end` (what lies beyond it is cut off): `{until, size}` or `{until, "
-        "first, last}`",
+        "ranges of time, in order, at least up to `end` (the rest is cut off): `{until, size}` or `{until, first, "
+        "last}`",
         kind="list",
         default="adaptive windows")] = None
     adaptive: Annotated[AdaptiveSpec | None, Entry(
@@ -167,22 +168,23 @@ class CouplingSpec(Part):
         default="`{}` without `windows`, else none")] = None
     events: Annotated[Events, Entry("where windows end because of contact")] = Events()
     on_cycle: Annotated[OnCycle | None, Entry(
-        "what follows when something goes up and down from window to window: it is only told; the windows "
-        "after it are iterated; the window is rejected and halved",
-        default="`iterate`; `note` for `windows` of a stated scheme but `auto`")] = None
+        "what the run does when a quantity alternates from window to window. `note`: reports it; `iterate`: "
+        "iterates the next windows; `cut`: rejects the window and halves it",
+        default="`iterate`; `note` if `windows` and a scheme other than `auto` are given")] = None
     on_unstable: Annotated[OnUnstable, Entry(
-        "what follows where a look shows that windows make more of a disturbance that turns round, or ring "
-        "([trust.md](trust.md)): they are cut below the limit or iterated, whichever takes fewer solves; cut; "
-        "iterated; it is only told; the run ends",
-        why="What grows from window to window is no answer. Windows of any size that are stable are left alone.")] = (
+        "what the run does when a measurement shows that windows amplify an alternating disturbance, or that the "
+        "exchange rings ([trust.md](trust.md)). `cut`: makes windows shorter than the limit; `iterate`: iterates "
+        "them; `auto`: whichever of the two takes fewer solver calls; `warn`: only reports it; `stop`: ends the "
+        "run",
+        why="Windows that are stable are not changed.")] = (
             OnUnstable.AUTO)
     stop: Annotated[StopSpec, Entry("when a run ends early")] = StopSpec()
     substeps: Annotated[SubstepCounts, Entry("in a window")] = SubstepCounts()
     deadlines: Annotated[Deadlines, Entry("for a step of a half in a process of its own")] = Deadlines()
     restart: Annotated[Count, Entry(
-        "how often, in all, a half or the contact service that died is started anew under `--processes`",
-        why="The windows since are solved again as they were, to the same bits. One that fails, hangs or is stopped "
-            "would do so again: it is named, and the run ends.")] = 0
+        "how often in a run a process that died (a half or the contact service) is restarted under `--processes`",
+        why="The windows since its last saved state are repeated and give the same bits. A process that "
+            "fails, hangs or is stopped is not restarted: the run ends, and the error names it.")] = 0
     link: Annotated[Text, Entry(
         "how the halves reach the contact service",
         kind="`direct`, `codec`, `zenoh:ENDPOINT`")] = "direct"

@@ -27,7 +27,7 @@ class Rectangle(Part):
     """origin, size [m]; cells along x and y; grading: last cell's size over the first's, along x and y."""
 
     origin: Annotated[tuple[Number, Number], Entry("lower left corner", unit="m")]
-    size: Annotated[tuple[Positive, Positive], Entry("its sides", unit="m")]
+    size: Annotated[tuple[Positive, Positive], Entry("lengths of its sides", unit="m")]
     cells: Annotated[tuple[Whole, Whole], Entry("number of cells", kind="[x, y]")]
     grading: Annotated[tuple[Positive, Positive], Entry(
         "size of the last cell over that of the first; in between they grow geometrically",
@@ -45,7 +45,7 @@ class MeshFile(Part):
     """A mesh file; path relative to the scenario; unit of its coordinates; region: a group of cells."""
 
     path: Annotated[Text, Entry(
-        "relative to the scenario file; gmsh (2.2, 4.1) or what meshio reads, of first order")]
+        "relative to the scenario file; gmsh (2.2, 4.1) or a format that meshio reads, with first-order cells")]
     unit: Annotated[Literal["m", "cm", "mm", "um"], Entry("of the file's coordinates")] = "m"
     region: Annotated[Text | None, Entry(
         "the named group of cells (gmsh: physical surface) to take",

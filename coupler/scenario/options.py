@@ -117,8 +117,9 @@ class Iteration(Part):
     LEAST: ClassVar[int] = 1  # iterates before agreement is believed
 
     acceleration: Annotated[Acceleration, Entry(
-        "how the next guess is made",
-        why="It converges where the others do, and where several modes are stiff, at the same cost for one.")] = (
+        "how the next iterate is computed",
+        why="`iqn_ils` converges where the others do, and also with several stiff modes; with one it costs "
+            "the same.")] = (
             Acceleration.IQN_ILS)
     # 1: where T does not act back on the geometry the second iterate is then the last, and a whole step is never wild,
     # because the T it goes to is what the thermal half found between its own boundary data.
@@ -127,22 +128,22 @@ class Iteration(Part):
         above=0.0,
         most=1.0,
         remedy="Above 1 it would leave the bounds that both iterates keep.",
-        why="Where `T` does not act back, a whole first step makes the second iterate the last.")] = 1.0
+        why="If the exchange acts in one direction only, 1 makes the second iterate the last.")] = 1.0
     max_iterations: Annotated[Whole, Entry(
-        "iterates of one window",
-        why="Accelerated windows take 2 to 16; one that takes more is cheaper in two halves.")] = 30
+        "most iterates of one window",
+        why="Accelerated windows take 2 to 16; a window that takes more is cheaper as two of half the size.")] = 30
     on_max: Annotated[OnMax, Entry(
-        "what follows then: `stop` ends the run; `accept` goes on, and the window keeps its verdict `max "
-        "iterations`",
-        why="Halved, the contraction is halved too.")] = OnMax.RETRY_SMALLER
+        "what the run does when a window has not converged by then: `retry_smaller` halves the window; `stop` ends"
+        " the run; `accept` goes on, and the window is marked `max iterations`",
+        why="Half the window has half the contraction factor.")] = OnMax.RETRY_SMALLER
     # 0: what a melting front did in the last window costs more iterates than it saves.
     reuse: Annotated[Count, Entry(
-        "windows whose residuals `iqn_ils` remembers; nothing is kept over a breakpoint",
+        "number of earlier windows whose residuals `iqn_ils` uses, none from before a breakpoint",
         kind="count, 0 for none",
-        why="1 or 2 save iterates where slopes hardly change, and cost some where a melting front moves.")] = 0
+        why="1 or 2 save iterates where the response hardly changes, and cost some where a melting front moves.")] = 0
     tolerance: Annotated[Tolerances, Entry("when a window agrees")] = Tolerances()
     level: Annotated[Seen, Entry(
-        "of which time of its substep the thermal half is given `x` and `t_N`",
+        "time within a substep for which the thermal half receives `x` and `t_N`",
         why="`middle` is of second order; `end` is of first order, and with `backward_euler` or `sdirk2` "
             "damps windows of any size.")] = Seen.MIDDLE
 

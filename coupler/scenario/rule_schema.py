@@ -168,20 +168,22 @@ class DriveSpec(Part):
     """A load, or bc, driven so that a monitor holds a target."""
 
     load: Annotated[Name | None, Entry(
-        "which input is driven, by the name of its boundary condition; or",
+        "name of the boundary condition whose factor `load.NAME` is driven; or",
         kind="name",
         default="one of them required")] = None
     bc: Annotated[Name | None, Entry(
-        "the same of what is added",
+        "the added value `bc.NAME` of that condition",
         kind="name",
         default="one of them required")] = None
     half: Annotated[HalfName | None, Entry(
         "where both have the name",
         default="the one that has the name")] = None
-    so_that: Annotated[dict[Text, Number], Entry("what is to be held", kind="{MONITOR: target}")] = Field(min_length=1,
+    so_that: Annotated[dict[Text, Number], Entry(
+        "the monitor and its target",
+        kind="{MONITOR: target}")] = Field(min_length=1,
                                                                                                           max_length=1)
     scale: Annotated[Scale | None, Entry(
-        "in what the load moves",
+        "whether the load moves by factors (`log`) or by differences",
         default="`log` for `load`, `linear` for `bc`")] = None
     gain: Annotated[Positive | None, Entry(
         "change of (the logarithm of) the load for a change of (the logarithm of) the monitor; required with "
@@ -231,7 +233,7 @@ class DriveSpec(Part):
 class RuleSpec(Part):
     """When all conditions hold at the end of a window, do; in windows that end in (after, until] [s]."""
 
-    name: Annotated[Text, Entry("by which its firings are told; each rule its own")]
+    name: Annotated[Text, Entry("name of the rule in messages and results; each name only once")]
     when: Annotated[When, Entry(
         "all must hold; under `any` stands a list of such mappings, one of which must hold besides",
         kind="{MONITOR: condition}",
@@ -245,12 +247,13 @@ class RuleSpec(Part):
         kind="mapping",
         default="none")] = None
     once: Annotated[bool, Entry("fires at most once in a run")] = False
-    after: Annotated[NotNegative, Entry("only in windows that end later", unit="s")] = 0.0
-    until: Annotated[Positive | None, Entry("and not later than this", unit="s", default="the end")] = None
+    after: Annotated[NotNegative, Entry("acts only in windows that end after this time", unit="s")] = 0.0
+    until: Annotated[Positive | None, Entry(
+        "acts only in windows that end at this time or before", unit="s", default="the end")] = None
     # fault: a key that a page's fragment has is unknown -> cool_down: Annotated[Count, Entry( |
     #   test_docs::test_yaml_is_understood
     cooldown: Annotated[Count, Entry(
-        "windows that are let pass after it fired",
+        "number of windows after a firing in which the rule does not act",
         kind="count")] = 0
 
     @model_validator(mode="after")

@@ -48,12 +48,12 @@ class Units(Part):
     temperature: Annotated[TemperatureUnit, Entry(
         "unit of every temperature in the file; differences are not converted")]
     length: Annotated[Literal["m", "cm", "mm", "um"] | None, Entry(
-        "of all lengths of the file, and in every unit that has one in it; with one of the next three",
+        "unit of all lengths of the file, also inside compound units; needs one of the next three keys",
         default="all is SI")] = None
     stress: Annotated[Literal["Pa", "kPa", "MPa", "GPa"] | None, Entry(
-        "of stresses and pressures; masses, forces and energies follow", default="none")] = None
-    force: Annotated[Literal["N", "kN", "MN"] | None, Entry("instead", default="none")] = None
-    mass: Annotated[Literal["kg", "g", "t"] | None, Entry("instead", default="none")] = None
+        "unit of stresses and pressures; the units of mass, force and energy follow from it", default="none")] = None
+    force: Annotated[Literal["N", "kN", "MN"] | None, Entry("in place of `units.stress`", default="none")] = None
+    mass: Annotated[Literal["kg", "g", "t"] | None, Entry("in place of `units.stress`", default="none")] = None
 
     @model_validator(mode="after")
     def _all_follow(self) -> Units:
@@ -77,10 +77,12 @@ class Binding(Part):
     SI value = sign * (value in SI) + offset.
     """
 
-    name: Annotated[Text, Entry("pattern of their names: `{i}` is the row from 1, `{i0}` from 0, `{j}`, `{j0}` the "
-                                "column, `{xy}`, `{XY}` the column as a letter", kind="pattern")]
-    unit: Annotated[Text | None, Entry("what their numbers are in", default="what the FMU declares")] = None
-    sign: Annotated[Literal[1, -1], Entry("-1: they have the other sign, as pressures for `contact.t_N`")] = 1
+    name: Annotated[Text, Entry(
+        "pattern of the names of the FMU's variables: `{i}` is the row from 1, `{i0}` from 0, "
+        "`{j}`, `{j0}` the column, `{xy}`, `{XY}` the column as a letter", kind="pattern")]
+    unit: Annotated[Text | None, Entry("unit of the FMU's variables", default="what the FMU declares")] = None
+    sign: Annotated[Literal[1, -1], Entry(
+        "-1: the FMU uses the opposite sign, such as pressures for `contact.t_N`")] = 1
     offset: Annotated[Number, Entry("added, in SI")] = 0.0
 
 
@@ -96,40 +98,43 @@ class Across(Part):
     """How several halves agree on what crosses from bodies of one to bodies of another, in every substep."""
 
     tolerance: Annotated[Positive, Entry(
-        "of the temperatures that they tell each other", "K",
-        why="What they then book of the heat between them differs by less than a run shows.")] = 1e-7
+        "of the temperatures that the halves of `halves` exchange", "K",
+        why="The heat that either side counts then differs by less than a run shows.")] = 1e-7
     iterations: Annotated[Whole, Entry(
-        "of a substep, at most; one that takes more is tried again shorter",
-        why="A dozen and fewer are what it takes where each half has many nodes on the face.")] = 60
+        "most iterations in a substep; a window that needs more is repeated with a smaller size",
+        why="Usually 12 are enough if each half has many nodes on the common surface.")] = 60
 
 
 class Thermal(ThermalSettings):
     """Which half solves for heat, and how."""
 
-    half: Annotated[Text, Entry("in the plane; one temperature a body; conduction along x of rectangles "
-                              "([halves.md](halves.md)); what another run recorded; or a kind that another package "
-                              "adds, or the path of an FMU "
-                              "ending in `.fmu` ([write_a_half.md](write_a_half.md))",
+    half: Annotated[Text, Entry(
+        "`thermal`: conduction in the plane; `lumped`: one temperature for each body; `rod`: conduction along x in"
+        " rectangles ([halves.md](halves.md)); `replay`: what another run recorded; or a kind that another package"
+        " adds, or the path of an FMU ending in `.fmu` ([write_a_half.md](write_a_half.md))",
                               kind="`thermal`, `lumped`, `rod`, `replay`")] = (
         "thermal")
-    options: Annotated[dict[str, Any], Entry("for a half of another package, passed on unchanged in its model.json",
+    options: Annotated[dict[str, Any], Entry("for a half of another package; written unchanged to its model.json",
                                            kind="mapping", default="none")] = Field(default_factory=dict)
     ignore: Annotated[tuple[Text, ...], Entry(
         "conditions of the scene that a half of another package may leave out, as `check` names them "
         "([write_a_half.md](write_a_half.md))", default="none", kind="list of paths")] = ()
     replay: Annotated[Replay | None, Entry("of the half `replay`")] = None
     bind: Annotated[dict[Text, Binding], Entry(
-        "names of an FMU's own, for a half that is the path of an FMU ([halves.md](halves.md)): "
-        "`T: {name: \"wall_{i}\", unit: degC}`", kind="name at the border -> binding", default="none")] = Field(
+        "names of the variables of an FMU, if `half` is the path of an FMU ([halves.md](halves.md)): `T: {name: "
+        "\"wall_{i}\", unit: degC}`",
+        kind="name in the interface -> binding", default="none")] = Field(
         default_factory=dict)
     halves: Annotated[dict[Name, OneOfSeveral], Entry(
-        "several halves in the place of one, each with bodies of its own, in processes or on machines of their own "
-        "([several_halves.md](several_halves.md))", kind="name -> bodies", default="one half for all bodies")] = Field(
+        "several thermal halves instead of one, each with its own bodies, process and, if you like, machine "
+        "([several_halves.md](several_halves.md))",
+        kind="name -> bodies", default="one half for all bodies")] = Field(
         default_factory=dict)
     across: Annotated[Across, Entry("how `halves` agree on the heat between them")] = Across()
     meshes: Annotated[dict[Name, Mesh], Entry(
-        "meshes of the thermal half's own, of the same bodies with surfaces of the same names; what halves exchange is "
-        "carried from one mesh to the other ([halves.md](halves.md#a-mesh-of-its-own))", kind="body -> mesh",
+        "meshes of the thermal half's own, of the same bodies with surfaces of the same "
+        "names; what halves exchange is interpolated from one mesh to the other "
+        "([halves.md](halves.md#a-mesh-of-its-own))", kind="body -> mesh",
         default="those of the bodies")] = Field(default_factory=dict)
 
 
@@ -142,15 +147,16 @@ class Mechanical(Part):
     elastic: Annotated[Elastic | None, Entry("of the half `elastic`")] = None
     rigid: Annotated[Rigid | None, Entry("of the half `rigid`")] = None
     rod: Annotated[Rod | None, Entry("of the half `rod`")] = None
-    options: Annotated[dict[str, Any], Entry("for a half of another package, passed on unchanged in its model.json",
+    options: Annotated[dict[str, Any], Entry("for a half of another package; written unchanged to its model.json",
                                            kind="mapping", default="none")] = Field(default_factory=dict)
     ignore: Annotated[tuple[Text, ...], Entry(
         "conditions of the scene that a half of another package may leave out, as `check` names them "
         "([write_a_half.md](write_a_half.md))", default="none", kind="list of paths")] = ()
     replay: Annotated[Replay | None, Entry("of the half `replay`")] = None
     bind: Annotated[dict[Text, Binding], Entry(
-        "names of an FMU's own, for a half that is the path of an FMU ([halves.md](halves.md)): "
-        "`T: {name: \"wall_{i}\", unit: degC}`", kind="name at the border -> binding", default="none")] = Field(
+        "names of the variables of an FMU, if `half` is the path of an FMU ([halves.md](halves.md)): `T: {name: "
+        "\"wall_{i}\", unit: degC}`",
+        kind="name in the interface -> binding", default="none")] = Field(
         default_factory=dict)
     meshes: Annotated[dict[Name, Mesh], Entry(
         "meshes of the mechanical half's own, as `thermal.meshes` ([halves.md](halves.md#a-mesh-of-its-own))",
@@ -227,15 +233,15 @@ class Fields(Part):
     """
 
     every: Annotated[Whole | None, Entry(
-        "keep fields every so many windows",
+        "store fields once in this many windows",
         default="never by count")] = None
     at: Annotated[tuple[NotNegative, ...], Entry(
-        "keep them at the first window end at or after each time",
+        "store them at the first window end at or after each of these times",
         unit="s",
         kind="[s, ...]",
         default="none")] = ()
     most: Annotated[Count | None, Entry(
-        "keep at most so many more where most changes and at contact events; 0: none",
+        "store at most this many more, where most changes and at contact events; 0: none",
         kind="integer >= 0",
         default="50; 0 with `every`")] = None
 
@@ -267,9 +273,9 @@ class StudyReference(Part):
 
     scheme: Annotated[Scheme, Entry("how the reference is computed")] = Scheme.ITERATED
     finer: Annotated[Whole, Entry(
-        "its windows are so many times as fine as the finest of the grid")] = 4
+        "its windows are the smallest of the grid divided by this")] = 4
     set: Annotated[dict[Text, Any], Entry(
-        "what else it changes, such as `{mesh: 2}`",
+        "other settings of the reference, such as `{mesh: 2}`",
         kind="{axis: value}",
         default="none")] = Field(default_factory=dict)
     file: Annotated[Text | None, Entry(
@@ -306,7 +312,7 @@ class StudySpec(Part):
         kind="[probe, ...]",
         default="all that change")] = ()
     span: Annotated[tuple[Number, Number] | None, Entry(
-        "from when until when",
+        "start and end of the time in which errors count",
         unit="s",
         default="all of the run")] = None
     reference: Annotated[StudyReference, Entry("what the errors are measured against")] = StudyReference()
@@ -343,29 +349,30 @@ class ScenarioFile(Part):
     geometry: Annotated[Geometry, Entry(
         "plane strain, per metre of depth; or x = r, y = z, the whole turn of 2 pi")]
     signals: Annotated[dict[Name, SignalSpec], Entry(
-        "data over time, used by name; a signal nobody uses makes no breakpoint",
+        "data over time, used by name; an unused signal makes no breakpoint",
         kind="name -> SIGNAL",
         default="none")] = Field(default_factory=dict)
     materials: Annotated[dict[Name, Material], Entry(
-        "what bodies are made of",
+        "properties of the materials",
         kind="name -> material")] = Field(min_length=1)
-    bodies: Annotated[dict[Name, MeshedBody], Entry("what there is", kind="name -> body")] = Field(min_length=1)
+    bodies: Annotated[dict[Name, MeshedBody], Entry(
+        "the bodies: mesh, material, start", kind="name -> body")] = Field(min_length=1)
     contact: Annotated[dict[Name, ContactPair], Entry(
-        "what may meet",
+        "pairs of surfaces that may touch, or exchange heat across a gap",
         kind="name -> pair",
         default="none")] = Field(default_factory=dict)
-    thermal: Annotated[Thermal, Entry("the thermal half")]
-    mechanical: Annotated[Mechanical, Entry("the mechanical half")]
-    coupling: Annotated[CouplingSpec, Entry("how the two exchange")]
+    thermal: Annotated[Thermal, Entry("settings and boundary conditions of the thermal half")]
+    mechanical: Annotated[Mechanical, Entry("settings and boundary conditions of the mechanical half")]
+    coupling: Annotated[CouplingSpec, Entry("how the two halves exchange data: scheme, windows, tolerances")]
     rules: Annotated[tuple[RuleSpec, ...], Entry(
-        "what changes when something is seen",
+        "changes that the run makes when a quantity passes a bound",
         kind="list",
         default="none")] = ()
     probes: Annotated[dict[DottedName, ProbeSpec], Entry(
         "values over time; names may have dots",
         kind="name -> probe",
         default="none")] = Field(default_factory=dict)
-    output: Annotated[OutputSpec, Entry("what is kept")] = OutputSpec()
+    output: Annotated[OutputSpec, Entry("which fields are stored, and how often")] = OutputSpec()
     study: Annotated[StudySpec | None, Entry(
         "a grid of runs, for `slideline study`",
         default="none")] = None
