@@ -327,5 +327,5 @@ def check(log: ErrorLog, probes: Mapping[str, str], adaptive: bool) -> Check:
              f"({amount(shares[k] * scale[k], unit)})"
              + (f", {', '.join(worst)}" if worst else "")
              + f", as estimated from {log.looked} of {log.windows} windows, each solved again as two of half the size",
-        remedy="A smaller coupling.adaptive.tolerance" if adaptive else
+        remedy="Use a smaller coupling.adaptive.tolerance" if adaptive else
                "Use smaller windows, or coupling.adaptive; scheme: iterated removes the error of the exchange")

@@ -105,12 +105,12 @@ class MaterialTables:
         table = self.tables[worst]
         over = {t.what for t, (part, _, _) in zip(self.tables, beyond, strict=True) if part > NOTE_AT}
         others = sorted(over - {table.what})
-        more = f"; so it is with {', '.join(others[:4])}" + (" and others" if len(others) > 4 else "") if others else ""
+        more = f"; so does {', '.join(others[:4])}" + (" and others" if len(others) > 4 else "") if others else ""
         return (measured(
             NAME, share, (NOTE_AT, math.inf),
-            what=f"{table.what} is given from {table.first:.6g} to {table.last:.6g} K and was asked for from {low:.6g} "
-                 f"to {high:.6g} K: beyond its ends it keeps its last value{more}",
-            remedy="Extend the table; where the value stays, write it once more at the last temperature"),)
+            what=f"the table {table.what} goes from {table.first:.6g} to {table.last:.6g} K, but was read from "
+                 f"{low:.6g} to {high:.6g} K: beyond its ends it keeps its last value{more}",
+            remedy="Extend the table; if the last value is meant, repeat it at the temperature that was reached"),)
 
     @staticmethod
     def _beyond(table: Table, log: TableLog) -> tuple[float, float, float]:

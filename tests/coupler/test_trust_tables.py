@@ -61,7 +61,7 @@ def test_how_far_beyond_its_ends_a_table_was_asked(low: float, high: float, shar
     assert (check.name, check.number) == (NAME, pytest.approx(share))
     assert check.verdict is (TrustVerdict.NOTED if share > 0.01 else TrustVerdict.HOLDS)
     if share > 0.01:
-        assert "k of steel is given from 300 to 900 K" in check.what
+        assert "the table k of steel goes from 300 to 900 K" in check.what
         assert f"from {low:g} to {high:g} K" in check.what
 
 
@@ -70,8 +70,8 @@ def test_all_of_them_are_named() -> None:
                        {"Q_T": 1.0, "Q_T_factor": {"T": [300, 1000], "value": [1, 2]}}), (1200.0, 300.0))
     assert check is not None
     assert check.number == pytest.approx(2.0)
-    assert check.what.startswith("c of steel")
-    assert "so it is with Q_T_factor of one, k of steel" in check.what
+    assert check.what.startswith("the table c of steel")
+    assert "so does Q_T_factor of one, k of steel" in check.what
 
 
 def test_a_phase_is_asked_for_where_it_is() -> None:
@@ -84,7 +84,7 @@ def test_a_phase_is_asked_for_where_it_is() -> None:
     phases["k"]["liquid"]["T"] = [900, 1500]
     check = told(scene(phases | {"latent": latent}), (300.0, 300.0), (1500.0, 300.0))
     assert check is not None
-    assert check.what.startswith("k of steel (liquid)")
+    assert check.what.startswith("the table k of steel (liquid)")
     assert check.number == pytest.approx(100.0 / 600.0)
 
 
