@@ -36,6 +36,9 @@ MOST_INCREMENTS = 30
 ROUGH, SOON, LESS = 1e-4, 12, 0.1
 # The least damping [N/m] of a body that nothing pushes, as a share of E L: enough for its matrix to be regular.
 LEAST = 1e-9
+# What nothing pushes when an increment begins is flung away where contact lets go of it within the increment.  One that
+# takes a body so many times its way is not taken: it is tried again, with so many times the least damping.
+TOO_FAR, FIRMER = 100.0, 1e3
 
 
 @dataclass(frozen=True)
@@ -76,6 +79,10 @@ def stabilised(system: System, loading: Loading, first: ForceBalance, settings: 
             step = solve_step(system, damped, system.balance(found.u, damped, True), None, fine if unpushed else rough)
         except NoEquilibriumError:
             ways *= LESS
+            continue
+        # fault: a body that was flung away is looked for where it went -> if False: | mechanical_fmu/test_first_contact
+        if _flung(system, loose, step.balance.u - found.u, ways):
+            ways, least = LESS * ways, FIRMER * least
             continue
         if step.iterations == 0:
             rough = fine  # it would stay where it is, roughly
@@ -148,6 +155,12 @@ def _pushes(loose: _Loose, balance: ForceBalance) -> Floats:
 def _sizes(system: System, loose: _Loose) -> Floats:
     return np.array([np.ptp(system.interface.nodes[system.interface.node_body == body], axis=0).max()
                      for body in loose.bodies])
+
+
+def _flung(system: System, loose: _Loose, du: Floats, ways: Floats) -> bool:
+    """Say whether an increment du : (n_nodes, 2) [m] took a body much farther than its way : (n_loose,) [m]."""
+    went = [np.abs(du[system.constraints.node_body == body]).max() for body in loose.bodies]
+    return bool((np.array(went) > TOO_FAR * ways).any())
 
 
 def _touches(balance: ForceBalance) -> bool:
