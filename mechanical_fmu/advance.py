@@ -21,7 +21,7 @@ from mechanical_fmu.loads import driven, pressure_forces
 from mechanical_fmu.newton import Equilibrium, SolverSettings
 from mechanical_fmu.passing import refuse_passing
 from mechanical_fmu.program_step import solve_by_program
-from mechanical_fmu.stabilisation import stabilised
+from mechanical_fmu.stabilisation import left_behind, stabilised
 from mechanical_fmu.system import ForceBalance, Loading, System
 from mechanical_fmu.tangent import LooseBodyError, StiffnessAnchor
 from mechanical_fmu.volume import CellError, PointStep
@@ -211,7 +211,8 @@ def solved(system: System, u: Floats, loading: Loading, first: ForceBalance, anc
            settings: SolverSettings) -> Equilibrium:
     """Find the equilibrium nearest to `first`, the prediction of a step from u : (n_nodes, 2) [m].
 
-    Where contact alone could hold a body and does not yet, the body is damped until it does.
+    Where contact alone could hold a body and does not yet, the body is damped until it does.  A body that nothing
+    pushes does not follow what draws back from it.
     Raises PassingError where a body would go through another, and what solve_step does.
     """
     def by_cells(loading: Loading, first: ForceBalance) -> Equilibrium:
@@ -223,8 +224,21 @@ def solved(system: System, u: Floats, loading: Loading, first: ForceBalance, anc
 
     found = by_cells(loading, first) if system.program is None else solve_by_program(
         system, system.program, loading, first, by_cells)
+    if left := left_behind(system, loading, u, found.balance, settings.tolerance):
+        # fault: a body sticks to what draws back from it -> pass | mechanical_fmu/test_left_behind
+        found = _resumed(system, found, left, by_cells, settings)
     refuse_passing(system, u, found.balance)
     return found
+
+
+def _resumed(system: System, found: Equilibrium, left: tuple[Loading, ForceBalance],
+             by_cells: Callable[[Loading, ForceBalance], Equilibrium], settings: SolverSettings) -> Equilibrium:
+    """Find the equilibrium from where bodies were left behind, after one that took them along."""
+    error = float(system.error(left[1], system.floor(left[0], settings.tolerance)).max())
+    if error <= settings.tolerance:
+        return replace(found, balance=left[1], residual=error)
+    then = by_cells(*left)
+    return replace(then, history=(*found.history, *then.history[1:]), work=found.work + then.work, runs=found.runs)
 
 
 def in_pieces(system: System, task: Task, begin: Departure, settings: SolverSettings, cuts: int,

@@ -39,6 +39,11 @@ LEAST = 1e-9
 # What nothing pushes when an increment begins is flung away where contact lets go of it within the increment.  One that
 # takes a body so many times its way is not taken: it is tried again, with so many times the least damping.
 TOO_FAR, FIRMER = 100.0, 1e3
+# A body that went no farther than this share of its size stayed where it was.
+STILL = 1e-12
+# What presses a body where it was would drive it at least so much of the way that it went: it was pushed there, and a
+# second solve would only find that again.
+PUSHED = 0.5
 
 
 @dataclass(frozen=True)
@@ -113,6 +118,46 @@ def stabilised(system: System, loading: Loading, first: ForceBalance, settings: 
     raise LooseBodyError(f"{loosest}; damped, it went {float(np.abs(found.u - first.u).max()):.3g} m and met nothing "
                          "that holds it" if loosest is not None else
                          f"no equilibrium after {MOST_INCREMENTS} damped increments of a body that only contact holds")
+
+
+def left_behind(system: System, loading: Loading, u: Floats, found: ForceBalance, tolerance: float
+                ) -> tuple[Loading, ForceBalance] | None:
+    """Return where a step from u : (n_nodes, 2) [m] would leave bodies that nothing pushed; None where all is as found.
+
+    A body that only contact holds, and contact without force, is in equilibrium wherever there is room for it.
+    Newton's method takes it along with what it lay on when that draws back: the first iterate closes the gap.  It
+    stays where it was as far as that leaves it room.
+    """
+    if found.tractions is None or loading.inertia is not None or not system.can_be_loose:
+        return None
+    least = tolerance * system.floor(loading, tolerance)
+    loose = [(body, Z) for body, Z in system.constraints.loose_motions(system.interface.nodes + u)
+             if _pressed(system, found, body) <= least[body]]
+    at, loading = found, _with_pressures(system, loading, found) if loose else loading
+    for body, Z in loose:
+        motions = system.constraints.rigid_motions(system.interface.nodes + u, body) @ Z
+        way = motions @ np.linalg.lstsq(motions, (at.u - u).ravel(), rcond=None)[0]
+        if np.abs(way).max() <= STILL * system.size[body]:
+            continue
+        moved = at.u - way.reshape(-1, 2)
+        trial = system.balance(moved if system.rigid is None else system.rigid.placed(moved), loading, True)
+        if _driven_off(system, trial, way) < PUSHED:
+            at = trial
+    return None if at is found else (loading, at)
+
+
+def _pressed(system: System, balance: ForceBalance, body: int) -> float:
+    """[N] what contact does to a body."""
+    assert balance.tractions is not None
+    return float(np.linalg.norm(system.contact.force(balance.tractions)[system.constraints.node_body == body]))
+
+
+def _driven_off(system: System, trial: ForceBalance, way: Floats) -> float:
+    """Estimate the share of way : (2 n_nodes,) [m] that contact at its beginning drives a body along it."""
+    assert trial.tractions is not None
+    push = float(system.contact.force(trial.tractions).ravel() @ way)
+    held = system.contact.against(trial.tractions, way[system.contact.dofs, None]) if push > 0.0 else None
+    return push / float(held[0, 0]) if held is not None and held[0, 0] > 0.0 else 0.0
 
 
 def _loose(system: System, first: ForceBalance) -> _Loose:
