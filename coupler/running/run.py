@@ -47,6 +47,7 @@ from coupler.record.recorder import Recorder, WindowRecord
 from coupler.record.results import Results
 from coupler.rules import engine as rules
 from coupler.running.damping import DampingNotes
+from coupler.running.flutter import FlutterNotes
 from coupler.running.interactive import Changes, Snapshot, Snapshots, changed
 from coupler.running.interrupts import Interrupts
 from coupler.running.progress import Progress, RemainingTime, RunStatus, progress
@@ -62,6 +63,7 @@ from coupler.running.setup import (
     without_checkpoints,
 )
 from coupler.scenario import Scenario
+from coupler.scenario.notes import mean_T0, torn_pairs
 from coupler.scenario.timing import SAME_TIME, Frames
 from coupler.schemes.accounts import HEATS
 from coupler.schemes.ledger import Ledger
@@ -159,6 +161,9 @@ class Run:
             self._warnings = ContactWarnings(interface, self.halves.mechanical_outputs)
             self._conditions = ConditionReader(self.scenario.conditions, both)
             self._damping = DampingNotes()
+            thermal = self.scenario.models["thermal"]
+            self._flutter = FlutterNotes(torn_pairs(thermal, interface.pairs, mean_T0(thermal, interface)),
+                                         self.scenario.coupling.end)
             self._outputs = ExtraOutputs(self.halves, interface)
             self.notes += self._outputs.notes
             self._both, self._each_window = both, together(self._probes.names, self._conditions.names,
@@ -280,7 +285,8 @@ class Run:
             notes = (*tried.notes, *self._restarted())
             if tried.accepted:
                 notes = (*notes, *self._warnings.after(self.state.now, tried.solved.state.now),
-                         *self._damping.after(self.state.now.t, tried.solved.monitors))
+                         *self._damping.after(self.state.now.t, tried.solved.monitors),
+                         *self._fluttering(tried))
                 self._trust = self._trust_watch.after(
                     self._trust, (self.state.now, tried.solved.state.now),
                     Ledger().after(tried.solved.terms).everything,
@@ -446,6 +452,12 @@ class Run:
             error.add_note(f"the end of the last accepted window could not be kept: {exc}")
             return False
         return True
+
+    def _fluttering(self, tried: Tried) -> tuple[str, ...]:
+        """Return the notes on pairs that open and close without end, and note them."""
+        notes = self._flutter.after(self.plan.names, tried.after.control.events.turned)
+        self.noticed += notes
+        return notes
 
     def _restarted(self) -> list[str]:
         """Return who was started anew since this was asked last, and note it."""

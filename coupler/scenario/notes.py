@@ -21,6 +21,7 @@ from coupler.scenario.si import ZERO_CELSIUS
 
 # Conductances that differ by less than this share at touch join.
 JOINED = 1e-6
+NO_CONDUCTANCE = {"law": "constant", "h": 0.0}
 
 Model = Mapping[str, Any]
 Floats = NDArray[np.float64]
@@ -72,15 +73,27 @@ def scaled_temperatures(model: Model, inputs: Iterable[str]) -> list[str]:
 def _torn_laws(name: str, pair: Model, T: float) -> list[str]:
     """A pair whose conductance jumps when it touches (physics wants h(g -> 0+) = h(p -> 0+))."""
     laws = pair.get("conduction", {})
-    if laws.get("closed") is None or laws.get("open") is None:
-        return []
-    closed, opened = parse_law(laws["closed"]), parse_law(laws["open"])
-    h = float(closed_conductance(closed, 0.0, T)[0])
-    jump = branch_jump(closed, opened, T)
-    if abs(jump) <= JOINED * max(abs(h), abs(h - jump)):
-        return []
-    return [f"pair {name}: the conductance jumps from {h - jump:.6g} to {h:.6g} W/m2K when it touches; laws that join "
-            "there let windows stay large"]
+    torn = None if laws.get("closed") is None or laws.get("open") is None else _torn(pair, T)
+    return [] if torn is None else [
+        f"pair {name}: the conductance jumps from {torn[0]:.6g} to {torn[1]:.6g} W/m2K when it touches; laws that join "
+        "there let windows stay large"]
+
+
+def torn_pairs(model: Model, pairs: Iterable[Pair], T: float) -> dict[str, tuple[float, float]]:
+    """Pairs whose conductance jumps when they touch -> h apart and h in touch [W/m2K]; no law is no conductance.
+
+    model, pairs and T : as in thermal_notes.
+    """
+    known = model.get("pairs", {})
+    found = {pair.name: _torn(known.get(pair.name, {}), T) for pair in pairs}
+    return {name: torn for name, torn in found.items() if torn is not None}
+
+
+def _torn(pair: Model, T: float) -> tuple[float, float] | None:
+    laws = pair.get("conduction") or {}
+    closed, opened = (parse_law(laws.get(key) or NO_CONDUCTANCE) for key in ("closed", "open"))
+    h, jump = float(closed_conductance(closed, 0.0, T)[0]), branch_jump(closed, opened, T)
+    return None if abs(jump) <= JOINED * max(abs(h), abs(h - jump)) else (h - jump, h)
 
 
 def mean_T0(model: Model, interface: Interface) -> float:
