@@ -172,7 +172,7 @@ class DriveSpec(Part):
         kind="name",
         default="one of them required")] = None
     bc: Annotated[Name | None, Entry(
-        "the added value `bc.NAME` of that condition",
+        "the added value `bc.NAME` of that condition of `mechanical.elastic`",
         kind="name",
         default="one of them required")] = None
     half: Annotated[HalfName | None, Entry(

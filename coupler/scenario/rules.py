@@ -177,6 +177,11 @@ class _Reader:
         if fits:
             raise self._c.document.error(key, f"both halves have a condition {condition!r}", "Say which: thermal.load."
                                          f"{condition} or mechanical.load.{condition}; for a drive give `half`.")
+        # fault: a condition of the thermal half is said not to be there -> if False: | coupler/test_scenario_rules
+        if kind == "bc" and condition in names["thermal"]:
+            raise self._c.document.error(key, f"{condition!r} is a condition of the thermal half, which takes load "
+                                         "alone", f"Let the rule change load.{condition}, by which the value of the "
+                                         "condition is multiplied (give it a value other than 0).")
         known = names["mechanical"] if kind == "bc" else names["thermal"] | names["mechanical"]
         raise self._c.document.error(key, f"there is no named boundary condition {condition!r} that takes {kind}",
                                      did_you_mean(condition, known))
