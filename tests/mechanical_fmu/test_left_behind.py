@@ -13,6 +13,7 @@ sys.path.insert(0, str(Path(__file__).parent))
 from mechanical_scenes import STEEL, blocks, done, elastic, hold, inputs_of
 
 from contact.rpc.link import open_link
+from mechanical_fmu import stabilisation
 
 GAP, WAY, WARM = 1e-4, 1e-3, 100.0
 METHODS = [None, "uzawa", "semi_smooth"]
@@ -79,3 +80,24 @@ def test_a_rigid_block_stays_too():
     upper = interface.nodes[:, 1] >= 1.0 + 0.5 * GAP
     went = [float((told["x"][:len(upper)] - interface.nodes)[upper, 1].mean()) for told in (there, then)]
     assert went == pytest.approx([WAY - GAP, WAY - GAP], rel=1e-4)
+
+
+def test_a_block_in_the_air_soon_takes_its_shape_though_it_is_firmly_damped(monkeypatch):
+    """As if contact had let go of it three times, and flung it away: it is damped a billion times as much since."""
+    flung, solves, solve_step = iter([True] * 3), [], stabilisation.solve_step
+
+    def counted(*args):
+        solves.append(args)
+        return solve_step(*args)
+
+    monkeypatch.setattr(stabilisation, "_flung", lambda *_: next(flung, False))
+    monkeypatch.setattr(stabilisation, "solve_step", counted)
+    interface = blocks(4, 3, gap=GAP)
+    upper = interface.nodes[:, 1] >= 1.0 + 0.5 * GAP
+    half = elastic(interface, [hold("lower.bottom", 0), hold("lower.bottom", 1), hold("upper.middle", 0)])
+    warm = STEEL["T_ref"] + np.where(upper, WARM * interface.nodes[:, 0], 0.0)
+    with closing(open_link("direct")) as link:
+        state, _ = half.start(inputs_of(half, STEEL["T_ref"]), 0.0, link)
+        _, outputs = done(half.step(state, inputs_of(half, warm), 0.0, 1.0, link))
+    assert outputs["residual"] <= 1e-8
+    assert len(solves) <= 25  # 38 where its way only doubles from increment to increment
