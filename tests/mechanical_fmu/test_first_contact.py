@@ -185,10 +185,11 @@ def test_a_block_on_one_that_bends_by_heat_is_not_flung_away(monkeypatch, cells,
     with closing(open_link("direct")) as link:
         state, _ = half.start(inputs_of(half, np.full(len(nodes), 300.0)), 0.0, link)
         for i in range(steps):
+            asked.clear()
             T = 300.0 + dT * (i + 1) / steps * warm
             state, outputs = done(half.step(state, inputs_of(half, T), float(i), 1.0, link))
+            assert len(asked) <= 10
     assert np.abs(outputs["x"] - nodes).max() <= 2.0 * dT * STEEL["alpha"]
-    assert len(asked) <= 15 * steps
 
 
 def test_scenes_that_are_held_have_no_such_output():
