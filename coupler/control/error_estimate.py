@@ -19,7 +19,7 @@ that was found to be worth.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -96,6 +96,10 @@ FRONT = 1e-6
 MIDPOINT = 1.0 / 12.0  # the constant of the midpoint rule on linear equations, of the third difference
 HEAT = ("heat.contact.slave", "heat.gap.slave")
 FRICTION = ("heat.friction.slave", "heat.friction.master")
+# Those whose scale is their change in the window.  Where contact jumps (a body that slips over from one equilibrium to
+# the next) their error is as large in the shortest window, and a scale that shrinks with it would let none pass.  What
+# windows before changed counts, half as much with every window: so all errors add up to at most twice rtol.
+CHANGES, FADES = ("gap", "heat", "displacement"), 0.5
 QUANTITIES = ("temperature", "gap", "heat", "displacement", ELASTIC_STRAIN)
 # What mechanics make.  Bodies that remember take their past by backward Euler, whatever the order of the exchange.
 OF_MECHANICS, OF_HISTORIES = ("gap", "displacement", ELASTIC_STRAIN), 1
@@ -120,10 +124,13 @@ class Measured:
 class Memory:
     """by : name of a scheme -> what was measured of it.  rate : heat through contact in the last window [W]; nan: not
     known.
+
+    changed : quantity -> scale of its tolerance from windows before, which halves with every window.
     """
 
     by: Mapping[str, Measured] = field(default_factory=dict)
     rate: float = math.nan
+    changed: Mapping[str, float] = field(default_factory=dict)
 
     def of(self, scheme: Scheme) -> Measured:
         """What was measured of windows of a scheme; without ratios where nothing was."""
@@ -218,7 +225,7 @@ def estimate(memory: Memory, start: CoupledState, solved: Solved, tolerance: Err
         errors = {n: known.ratios[n] * _grown(known, H, orders[n], bend) * d + left.get(n, 0.0)
                   for n, d in second.items() if n in known.ratios}
         own = _own(levels, errors["temperature"], left)
-        found = _in_tolerances(errors, solved, levels, tolerance, own, cells)
+        found = _in_tolerances(errors, _scales(memory, errors, levels, solved, cells), tolerance, own)
         return replace(found, order=orders[found.worst], orders=orders)
     apart = _apart(solved, solved.whole, second, cells)
     factors = {n: _doubling(n, orders[n], solved.scheme) for n in apart}
@@ -226,7 +233,8 @@ def estimate(memory: Memory, start: CoupledState, solved: Solved, tolerance: Err
     whole = {n: factors[n].whole * d + left.get(n, 0.0) for n, d in apart.items()}
     kept = {n: factors[n].halves * d + left.get(n, 0.0) for n, d in apart.items()}
     own = _own(levels, whole["temperature"], left)
-    found, in_one = (_in_tolerances(e, solved, levels, tolerance, own, cells) for e in (kept, whole))
+    scales = _scales(memory, kept, levels, solved, cells)
+    found, in_one = (_in_tolerances(e, scales, tolerance, own) for e in (kept, whole))
     return replace(found, order=orders[in_one.worst], orders=orders, ratios=ratios, size=in_one.error)
 
 
@@ -282,11 +290,12 @@ def after(memory: Memory, start: CoupledState, solved: Solved, found: Estimate |
     name, known = solved.scheme.value, memory.of(solved.scheme)
     # All of them grow old, so that a scheme that is seldom used is measured when it is, which tells what it costs.
     by = {n: replace(m, left=m.left - 1) for n, m in memory.by.items()}
-    if found is None or not found.measured:
-        return Memory(by, rate)
-    if not start.past:  # two levels have no second difference
-        return Memory({n: m for n, m in by.items() if n != name}, rate)
     levels = (solved.state.now, start.now, *start.past)
+    changed = _scales(memory, CHANGES if _faced(levels).any() else CHANGES[1:], levels, solved)
+    if found is None or not found.measured:
+        return Memory(by, rate, changed)
+    if not start.past:  # two levels have no second difference
+        return Memory({n: m for n, m in by.items() if n != name}, rate, changed)
     bend = _bend(levels, _second(levels, memory, solved))
     # fault: a gap that faces nothing any more is looked for -> expected = {n: r * _grown(known, H, found.orders[n],
     #   bend) for n, r in known.ratios.items()} | coupler/test_demo
@@ -296,12 +305,12 @@ def after(memory: Memory, start: CoupledState, solved: Solved, found: Estimate |
         pause = min(pause, SOON)
     # fault: a ratio found smaller is believed at once -> ratios = dict(found.ratios) | coupler/test_estimate
     ratios = {n: max(r, BELIEVED * expected.get(n, 0.0)) for n, r in found.ratios.items()}
-    return Memory({**by, name: Measured(ratios, H, pause, pause, bend)}, rate)
+    return Memory({**by, name: Measured(ratios, H, pause, pause, bend)}, rate, changed)
 
 
 def forgotten(memory: Memory) -> Memory:
     """The memory past a kink or an event."""
-    return Memory()
+    return Memory(changed=memory.changed)
 
 
 def _agree(expected: Mapping[str, float], found: Estimate) -> bool:
@@ -333,11 +342,10 @@ def _bend(levels: Sequence[Level], second: Mapping[str, float]) -> float:
     return _third(levels) / second["temperature"] if len(levels) > 3 and second["temperature"] > 0.0 else math.nan
 
 
-def _in_tolerances(errors: Mapping[str, float], solved: Solved, levels: Sequence[Level], tolerance: ErrorTolerances,
-                   own: float, cells: BodyCells) -> Estimate:
+def _in_tolerances(errors: Mapping[str, float], scales: Mapping[str, float], tolerance: ErrorTolerances,
+                   own: float) -> Estimate:
     """Errors in tolerances.  own : what part of them is the halves' own; x, gap and heat follow T, so it is one."""
-    shares = {n: _share(e, _scale(n, levels, solved, cells), getattr(tolerance, quantity_of(n)))
-              for n, e in errors.items()}
+    shares = {n: _share(e, scales[n], getattr(tolerance, quantity_of(n))) for n, e in errors.items()}
     return Estimate(shares, {n: (1.0 - own) * s for n, s in shares.items()}, {n: own * s for n, s in shares.items()},
                     errors=errors, size=max(shares.values()))
 
@@ -351,6 +359,15 @@ def _own(levels: Sequence[Level], total: float, left: Mapping[str, float]) -> fl
 
 def _share(error: float, scale: float, tolerance: Tolerance) -> float:
     return error / (tolerance.atol + tolerance.rtol * scale)
+
+
+def _scales(memory: Memory, names: Iterable[str], levels: Sequence[Level], solved: Solved,
+            cells: BodyCells = NO_CELLS) -> dict[str, float]:
+    """What the relative part of each tolerance is measured by, windows before included."""
+    # fault: what jumps is asked of a scale that shrinks with the window -> before = dict.fromkeys(names, 0.0) |
+    #   coupler/test_estimate
+    before = {n: FADES * memory.changed.get(n, 0.0) for n in names}
+    return {n: max(_scale(n, levels, solved, cells), before[n]) for n in names}
 
 
 def _scale(name: str, levels: Sequence[Level], solved: Solved, cells: BodyCells) -> float:

@@ -123,11 +123,7 @@ def doubled(halves: Halves, state: CoupledState, span: Span, options: SolveOptio
     """The answer of a window's two halves, with that of the window in one in `whole`; the work is that of all three.
 
     saved : the states of both halves at the start of the window.  whole : its outcome in one.
-    A window of one tick, which the search for an event may leave, has no halves: it is its own answer.
     """
-    # fault: a window of one tick is cut in two -> if False: | coupler/test_flutter
-    if span.k1 - span.k0 < 2:
-        return replace(whole, whole=whole)
     number = saved.number
 
     def solve(at: CoupledState, piece: Span) -> Solved:
@@ -139,6 +135,11 @@ def doubled(halves: Halves, state: CoupledState, span: Span, options: SolveOptio
     # fault: the work of the window in one is forgotten -> return replace(found, whole=whole, work=found.work) |
     #   coupler/test_estimate
     return replace(found, whole=whole, work=whole.work.plus(found.work))
+
+
+def can_halve(span: Span) -> bool:
+    """Whether it is longer than a single tick of the clock, which the search for an event may leave."""
+    return span.k1 - span.k0 >= 2
 
 
 def halved(span: Span) -> tuple[Span, Span]:

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from coupler.control import error_estimate, gain
 from coupler.control.plan import Plan
-from coupler.control.solve_window import SavedStates, SolveOptions, doubled, keep
+from coupler.control.solve_window import SavedStates, SolveOptions, can_halve, doubled, keep
 from coupler.scenario.options import Scheme, Seen
 from coupler.schemes.accounts import AHEAD, EnergyAccount
 from coupler.schemes.schemes import scheme_of
@@ -329,5 +329,5 @@ def as_whole(state: CoupledState, scheme: Scheme, H: float) -> CoupledState | No
 
 def can_look(halves: Halves, span: Span) -> bool:
     """Whether a window can be solved again, and as two."""
-    return halves.thermal.can_save and halves.mechanical.can_save and span.k1 - span.k0 >= 2
+    return halves.thermal.can_save and halves.mechanical.can_save and can_halve(span)
 

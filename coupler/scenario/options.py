@@ -133,8 +133,9 @@ class Iteration(Part):
         "most iterates of one window",
         why="Accelerated windows take 2 to 16; a window that takes more is cheaper as two of half the size.")] = 30
     on_max: Annotated[OnMax, Entry(
-        "what the run does when a window has not converged by then: `retry_smaller` halves the window; `stop` ends"
-        " the run; `accept` goes on, and the window is marked `max iterations`",
+        "what the run does when a window has not converged by then: `retry_smaller` halves the window, and where that"
+        " does not help either an adaptive one of which the estimated error is within its tolerance is taken and marked"
+        " `max iterations`; `stop` ends the run; `accept` goes on, and the window is marked",
         why="Half the window has half the contraction factor.")] = OnMax.RETRY_SMALLER
     # 0: what a melting front did in the last window costs more iterates than it saves.
     reuse: Annotated[Count, Entry(

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from coupler.control.accept import MAX_TRIES
-from coupler.control.loop import propose, windows
+from coupler.control.loop import propose, step, windows
 from coupler.control.state import ControlState, first
 from coupler.errors import CouplingError
 from coupler.scenario.options import Adaptive, ErrorTolerances, OnCycle, Scheme, Tolerance
@@ -60,6 +60,15 @@ def test_an_error_at_the_least_window_is_taken_and_told() -> None:
     assert told
     assert all(w.accepted and "at its least" in w.solved.message for w in told)
     assert len(found) == 20
+
+
+def test_a_window_of_one_tick_is_taken_as_it_is() -> None:
+    """An event may ask for it; it has no halves, and cannot be shorter."""
+    plan, halves = plan_to(), wanted_outputs(lumped(840.0), shrinking(840.0))
+    before = first(start(840.0, gap_of(840.0)), plan)
+    done = step(halves, replace(before, control=replace(before.control, aim=1)), plan)
+    assert done.accepted
+    assert done.after.control.tick == 1
 
 
 def test_kinks_and_the_end_are_met_without_crumbs() -> None:

@@ -204,6 +204,17 @@ def test_heat_that_crosses_is_held_against_what_is_rubbed_there_too() -> None:
     assert rubbed.shares["heat"] == pytest.approx(3.0 / (1e-3 + 1e-2 * 1026.0))
 
 
+def test_what_windows_before_carried_counts_half_as_much_with_every_window() -> None:
+    """Heat that jumps is as wrong in the shortest window as in a long one; its tolerance must not vanish with it."""
+    levels, memory = [level(t, 900.0) for t in (4.0, 2.0, 0.0)], ratio_of(2.0, rate=10.0)
+    for heat, scale in ((800.0, 800.0), (26.0, 400.0), (26.0, 200.0)):
+        end = solved_at(levels[0], tuple(levels[1:]), heat)
+        assert told(memory, levels, heat).shares["heat"] == pytest.approx(
+            told(memory, levels, heat).errors["heat"] / (1e-3 + 1e-2 * scale))
+        memory = error_estimate.after(memory, solved_at(levels[1], (levels[2],)).state, end, None)
+        memory = replace(error_estimate.forgotten(memory), by=ratio_of(2.0).by, rate=10.0)
+
+
 def test_gaps_that_begin_or_end_are_no_error() -> None:
     gaps = ((1e-3, 1e-3), (2e-3, 0.1), (3e-3, 0.1))
     levels = [level(t, 900.0, gap, float(gap[1] < 0.1)) for t, gap in zip((3.0, 2.0, 1.0), gaps, strict=True)]
@@ -273,7 +284,7 @@ def test_ratios_that_agree_make_the_next_measurement_wait() -> None:
     before, solved = solved_at(levels[1], (levels[2],)).state, solved_at(levels[0], tuple(levels[1:]))
     passed = error_estimate.after(known_of(Measured(RATIOS, 1.0, 3)), before, solved, told(ratio_of(1.0), levels))
     assert passed.of(X).left == 2
-    assert error_estimate.forgotten(passed) == Memory()
+    assert error_estimate.forgotten(passed) == Memory(changed=passed.changed)
 
 
 def test_a_ratio_found_much_smaller_is_believed_by_and_by() -> None:
