@@ -43,7 +43,7 @@ def test_an_fmu_that_leaks_on_restore_is_caught_and_one_that_does_not_passes(tmp
 
 
 @pytest.mark.parametrize("halves", [("lumped", "thermal_rod:casting", "mechanical_rod", "rigid"),
-                                    ("thermal", "elastic")])
+                                    pytest.param(("thermal", "elastic"), marks=pytest.mark.slow)])
 def test_our_own_halves_keep_to_the_border(halves: tuple[str, ...], tmp_path: Path) -> None:
     coarse = tmp_path / "casting.yaml"
     new_scenario(template_named("casting"), Choices(mesh=0.1), coarse)

@@ -87,7 +87,7 @@ def test_never_through_at_any_speed(seed):
         assert any(word in story.message for word in (*REMEDY, "turned inside out", "no equilibrium")), story.message
 
 
-@pytest.mark.parametrize("method", ["newmark", "explicit"])
+@pytest.mark.parametrize("method", ["newmark", pytest.param("explicit", marks=pytest.mark.slow)])
 def test_a_thrown_body_is_not_thrown_through(method):
     """10 m/s in windows of 1 ms: 10 mm, through a plate of 4 mm."""
     scene = two_blocks(end=3e-3, size=1e-3)

@@ -135,6 +135,7 @@ def test_resumed_it_is_the_same_to_the_bit(role: str, folder: Path) -> None:
     assert_same_bits(Results(folder / f"{role}.h5"), resume(resumed(out)))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("role", OF)
 def test_it_keeps_to_the_interface_specification(role: str, folder: Path, tmp_path: Path) -> None:
     found = fmu_of(f"{role}=ccx", folder / OF[role], tmp_path / "half")
