@@ -94,7 +94,7 @@ def stabilised(system: System, loading: Loading, first: ForceBalance, settings: 
         #   mechanical_fmu/test_first_contact::test_a_block_on_one_that_bends_by_heat_is_not_flung_away
         stays = step.iterations == 0
         if stays:
-            rough = fine  # to the rough tolerance
+            rough = fine  # it would stay where it is, roughly
         history += step.history[1:]
         du = (step.balance.u - found.u).ravel()
         # fault: work of the last increment alone -> work = float(du @ (W @ du)) | mechanical_fmu/test_first_contact

@@ -11,7 +11,6 @@ from coupler.control import auto, error_estimate, events, window_size
 from coupler.control.error_estimate import Estimate
 from coupler.control.events import Found
 from coupler.control.plan import Plan
-from coupler.control.solve_window import can_halve
 from coupler.control.state import Committed, ControlState, failed_monitors, monitors
 from coupler.control.two_cycle import CycleAction, WindowSummary, act
 from coupler.errors import CouplingError
@@ -77,11 +76,9 @@ def shorter(attempt: Attempt, size: float, why: str) -> ControlState:
 
 
 def at_least(attempt: Attempt) -> bool:
-    """Whether an adaptive window may not be shorter, or cannot."""
+    """Whether an adaptive window may not be shorter."""
     adaptive = attempt.plan.adaptive
-    if adaptive is None:
-        return False
-    return not can_halve(attempt.span) or adaptive.least * (1.0 + 1e-6) >= attempt.H
+    return adaptive is not None and adaptive.least * (1.0 + 1e-6) >= attempt.H
 
 
 def tried_again(attempt: Attempt, control: ControlState, why: str) -> ControlState:
@@ -183,7 +180,7 @@ def _failed(attempt: Attempt) -> Decision:
                       "Everything up to here is in the results file. Look at the data: what is steady needs a solution "
                       "with them; from a start that is nearer, or by thermal.increments, Newton's method may find it")
     if solved.verdict is Verdict.MAX_ITERATIONS:
-        control = replace(control, unconverged=control.unconverged + 1)
+        control = replace(control, unconverged=True)
         attempt = replace(attempt, at=replace(attempt.at, control=control))
     if not plan.rules:
         return Decision(solved, cut(attempt, 0.5, solved.message))
@@ -255,7 +252,7 @@ def _taken(attempt: Attempt, found: _Found, fired: rules.Fired, done: CycleActio
     return replace(
         control, tick=span.k1, number=control.number + 1, failures=0, aim=0, below=0, slow=slow,
         # What was iterated to no end here may be so in the next window.
-        unconverged=control.unconverged if solved.verdict is Verdict.MAX_ITERATIONS else 0,
+        unconverged=solved.verdict is Verdict.MAX_ITERATIONS,
         # fault: histories go on over an event -> ends=tuple([e for e in control.ends if e > span.k1]),
         #   event=control.event, | coupler/test_events
         ends=tuple([e for e in control.ends if e > span.k1]), event=span.k1 if found.event else control.event,

@@ -306,15 +306,14 @@ def _span(at: Committed, plan: Plan) -> tuple[Span, str]:
     return replace(span, k1=tick), "to end where an event is expected"
 
 
-# Where shorter windows do not make the iterates agree (two equilibria with friction, by turns) one that the estimate of
-# the error finds good enough is taken, what the iterates leave included, from so many tries of a window on.
-LENIENT = 1
-
-
 def _lenient(plan: Plan, control: ControlState) -> Settings:
-    """The settings of a try."""
+    """The settings of a try.
+
+    Where half the window does not make the iterates agree either (two equilibria with friction, by turns) the estimate
+    of the error judges it, what the iterates leave included.
+    """
     settings = control.settings
-    if plan.adaptive is None or control.unconverged < LENIENT or settings.iteration.on_max is not OnMax.RETRY_SMALLER:
+    if plan.adaptive is None or not control.unconverged or settings.iteration.on_max is not OnMax.RETRY_SMALLER:
         return settings
     # fault: what no window makes agree is cut to the least -> return settings | coupler/test_two_equilibria
     return replace(settings, iteration=settings.iteration.model_copy(update={"on_max": OnMax.ACCEPT}))

@@ -25,7 +25,7 @@ class ControlState:
     aim : the tick at which the next try ends, whatever its size; 0: none.
     below : the next try ends before this tick; 0: anywhere.  fresh : the tick where histories were last forgotten.
     event : the tick of the last event found; 0: none.  slow : windows on end in which hardly anything changed.
-    unconverged : tries of this window, and of those before it that were, iterated to no end.
+    unconverged : a try of this window, or the window before it, was iterated to no end.
     stop : why the run ends here; "": it goes on.
     """
 
@@ -41,7 +41,7 @@ class ControlState:
     fresh: int = 0
     event: int = 0
     slow: int = 0
-    unconverged: int = 0
+    unconverged: bool = False
     stop: str = ""
     cycle: two_cycle.Watch = field(default_factory=two_cycle.Watch)
     estimate: error_estimate.Memory = field(default_factory=error_estimate.Memory)

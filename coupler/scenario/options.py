@@ -172,9 +172,9 @@ class ErrorTolerances(_ByQuantity):
     # a casting, and of two bodies in one scene the smaller must not be judged by its own small range.  A thousandth of
     # it: the worst node is asked, and beside a front that freezes node by node it is off by the step of T between two
     # nodes however short the window, while gap and heat are a hundred times nearer.
-    # gap [m] and displacement [m], scale their largest change in the window: so the errors of all windows add up to at
-    # most rtol of the way gone.  The floor of the gap is a hundredth of a gas layer of 10 um, below which no law of
-    # conductance changes by more than 1 %.
+    # gap [m] and displacement [m], scale their largest change in the window, or half the scale of the window before: so
+    # the errors of all windows add up to at most twice rtol of the way gone.  The floor of the gap is a hundredth of a
+    # gas layer of 10 um, below which no law of conductance changes by more than 1 %.
     # heat [J], what crosses contact in the window, scale the same: 1 % of heat is what the best law is known to.
     # elastic_strain [1], of a body that remembers, its root mean square; scale its size, body by body: of stress that
     # relaxes half a per cent is left off in all, and a body of a hundredth of the stress of another is as right.  The

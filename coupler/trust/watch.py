@@ -220,8 +220,8 @@ class TrustWatch:
             measured("windows solved to their tolerance", log.forced, (0, 0), unit="windows", t=log.forced_t,
                      what=f"{log.forced} of {log.windows} windows were accepted although they did not converge or "
                           f"their error was too large, the last at t = {log.forced_t:.6g} s",
-                     remedy="Use smaller windows, a smaller coupling.adaptive.least, or "
-                            "iteration.on_max: retry_smaller"))
+                     remedy="Use smaller windows (a smaller coupling.adaptive.tolerance or coupling.adaptive.least), "
+                            "or iteration.on_max: retry_smaller where it is accept"))
 
     def _moved(self, now: Level) -> Array:
         """The mean displacement of each body, (n_bodies, 2) [m]."""

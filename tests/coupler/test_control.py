@@ -63,7 +63,7 @@ def test_an_error_at_the_least_window_is_taken_and_told() -> None:
 
 
 def test_a_window_of_one_tick_is_taken_as_it_is() -> None:
-    """An event may ask for it; it has no halves, and cannot be shorter."""
+    """An event may ask for it; it has no halves."""
     plan, halves = plan_to(), wanted_outputs(lumped(840.0), shrinking(840.0))
     before = first(start(840.0, gap_of(840.0)), plan)
     done = step(halves, replace(before, control=replace(before.control, aim=1)), plan)

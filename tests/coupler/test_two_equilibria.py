@@ -3,16 +3,18 @@
 from __future__ import annotations
 
 import sys
+from dataclasses import replace
 from itertools import cycle
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from coupler.control.loop import Tried, windows
+from coupler.control.loop import step, windows
+from coupler.control.state import first
 from coupler.errors import CouplingError
 from coupler.scenario.options import Iteration, OnMax
-from coupler.schemes.state import Verdict, wanted_outputs
+from coupler.schemes.state import Halves, Verdict, wanted_outputs
 
 sys.path.insert(0, str(Path(__file__).parent))
 from adaptive_run import EXACT_E8, plan_to
@@ -20,8 +22,8 @@ from coupled_run import start
 from fake_halves import gap_of, lumped, shrinking
 
 
-def by_turns(size: float, how: Iteration | None = None) -> list[Tried]:
-    """Tries of case E8 with a gap that is `size` [m] wider or narrower by turns, each time it is asked for."""
+def flipping(size: float) -> Halves:
+    """Case E8 with a gap that is `size` [m] wider or narrower by turns, each time it is asked for."""
     half, turns = shrinking(840.0), cycle((size, -size))
     rule = half.rule
 
@@ -30,12 +32,11 @@ def by_turns(size: float, how: Iteration | None = None) -> list[Tried]:
         return x, out | {"x": out["x"] + np.array([[0.0, next(turns)]])}
 
     half.rule = flips
-    halves = wanted_outputs(lumped(840.0), half)
-    return list(windows(halves, start(840.0, gap_of(840.0)), plan_to(iteration=how or Iteration())))
+    return wanted_outputs(lumped(840.0), half)
 
 
 def test_a_window_whose_iterates_differ_by_less_than_its_tolerance_is_taken_and_told() -> None:
-    tried = by_turns(1e-8)
+    tried = list(windows(flipping(1e-8), start(840.0, gap_of(840.0)), plan_to()))
     end = tried[-1].solved.state.now
     assert end.t == pytest.approx(20.0)
     assert float(end.T[0]) == pytest.approx(EXACT_E8, abs=0.05)
@@ -46,5 +47,8 @@ def test_a_window_whose_iterates_differ_by_less_than_its_tolerance_is_taken_and_
 
 
 def test_who_wants_none_of_it_says_so() -> None:
+    """Also after a window that was taken so, as in a run that is resumed."""
+    halves, plan = flipping(1e-8), plan_to(iteration=Iteration(on_max=OnMax.STOP))
+    before = first(start(840.0, gap_of(840.0)), plan)
     with pytest.raises(CouplingError, match="says to stop"):
-        by_turns(1e-8, Iteration(on_max=OnMax.STOP))
+        step(halves, replace(before, control=replace(before.control, unconverged=True)), plan)
