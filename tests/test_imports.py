@@ -9,8 +9,10 @@ import ast
 import importlib.util
 import re
 import sys
+import tomllib
 from collections.abc import Iterator, Mapping
 from graphlib import CycleError, TopologicalSorter
+from importlib.metadata import packages_distributions
 from pathlib import Path
 
 import pytest
@@ -19,6 +21,7 @@ ROOT = Path(__file__).resolve().parent.parent
 PACKAGES = ("contact", "thermal_fmu", "mechanical_fmu", "coupler")
 MAY_IMPORT = {"contact": set(), "thermal_fmu": {"contact"}, "mechanical_fmu": {"contact"}, "coupler": {"contact"}}
 ONLY_IN = {"fmpy": {"coupler/fmu/library.py"}, "zenoh": {"contact/rpc/zenoh_session.py"}}
+COMES_WITH = {"pydantic_core": "pydantic"}  # whose dependency it is for good
 BELOW_SCENARIO = {"contact/problem", "coupler/scenario", "coupler", "contact", "contact/half", "contact/rpc"}
 MODULE = re.compile(r"[a-z_]\w*(\.[a-z_]\w*)+(?=:\w+$|$)")
 
@@ -133,6 +136,40 @@ def test_folders_import_in_no_circle():
 
 def test_the_scenario_knows_no_run():
     assert reached(ROOMS, "coupler/scenario") <= BELOW_SCENARIO
+
+
+def undeclared(root: Path, *folders: str) -> set[str]:
+    """Libraries that files below folders import and that pyproject.toml does not name, other than for the site."""
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+    extras = [names for extra, names in project["optional-dependencies"].items() if extra != "docs"]
+    declared = {plain(re.split(r"[^\w.-]", text)[0]) for names in [project["dependencies"], *extras] for text in names}
+    own = {part for path in root.rglob("*.py") for part in (path.stem, *path.relative_to(root).parts[:-1])}
+    users = {name for folder in folders for path in sources(folder, root) for node in ast.walk(ast.parse(
+        path.read_text(encoding="utf-8"))) for name in top_names(node)} - own - set(sys.stdlib_module_names)
+    makers = packages_distributions()
+    return {name for name in users
+            if not declared & {plain(maker) for maker in [COMES_WITH.get(name, name), *makers.get(name, ())]}}
+
+
+def plain(name: str) -> str:
+    return name.lower().replace("_", "-")
+
+
+def top_names(node: ast.AST) -> list[str]:
+    if isinstance(node, ast.Import):
+        return [alias.name.split(".")[0] for alias in node.names]
+    return [(node.module or "").split(".")[0]] if isinstance(node, ast.ImportFrom) else []
+
+
+def test_every_library_that_is_imported_is_declared():
+    """One that happens to be installed for another one's sake is missing on the next machine."""
+    assert undeclared(ROOT, *PACKAGES, "tests") == set()
+
+
+def test_a_library_that_nobody_declared_is_found(tmp_path):
+    (tmp_path / "p").mkdir()
+    (tmp_path / "p/a.py").write_text("import json\nimport numpy as np\nimport p.b\nfrom yaml import safe_load\n")
+    assert undeclared(tmp_path, "p") == {"yaml"}
 
 
 @pytest.mark.parametrize("entry", sorted(ENTRIES))

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-import yaml
+from ruamel.yaml import YAML
 
 from coupler import Results, Run, load_scenario
 from coupler.running.flutter import SHARE, TURNS, FlutterNotes
@@ -33,8 +33,8 @@ GAS = {"law": "gas", "k_g": 0.03, "g_m": 3.0e-5}  # 1000 W/m2K at no gap
 def scene(folder: Path, **conduction: Any) -> Path:
     path = folder / "scene.yaml"
     pair = NEVER_RESTS["contact"]["face"]
-    path.write_text(yaml.safe_dump(NEVER_RESTS | {"contact": {"face": pair | {"conduction": pair["conduction"] |
-                                                                              conduction}}}), encoding="utf-8")
+    doc = NEVER_RESTS | {"contact": {"face": pair | {"conduction": pair["conduction"] | conduction}}}
+    YAML(typ="safe").dump(doc, path)
     return path
 
 
