@@ -1,7 +1,9 @@
-"""Which files make the tier `fast`, and in which order files run (CONTRIBUTING.md).
+"""Which files make the tier `fast`, which cases are `slow`, and in which order files run (CONTRIBUTING.md).
 
-`pytest -m fast` runs the files of FAST, and no other file is even imported.  Files that take long begin first, so that
-none of them is left to one process while the others have nothing to do.
+`pytest -m fast` runs the files of FAST but for their slow cases, and no other file is even imported.  Files that take
+long begin first, so that none of them is left to one process while the others have nothing to do.
+
+`@pytest.mark.few(ID, ...)` names the cases of a test that run by default; its other cases are `slow`.
 """
 
 from __future__ import annotations
@@ -92,11 +94,32 @@ def pytest_ignore_collect(collection_path: Path, config: pytest.Config) -> bool 
     return None
 
 
+def keep_few(cases: list[pytest.Item]) -> None:
+    """Mark slow the cases of a test that its mark `few` does not name.  Raises CollectError for names of no case."""
+    mark = cases[0].get_closest_marker("few")
+    if mark is None:
+        return
+    case_of = {case.name.partition("[")[2].removesuffix("]"): case for case in cases}
+    if unknown := set(mark.args) - case_of.keys():
+        raise pytest.Collector.CollectError(f"{cases[0].name}: few names {sorted(unknown)} of {list(case_of)}")
+    for name in case_of.keys() - set(mark.args):
+        case_of[name].add_marker("slow")
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_pycollect_makeitem() -> Iterator[None]:
+    """Look at each test with all of its cases, whichever of them were asked for."""
+    made = yield
+    if isinstance(made, list) and made:
+        keep_few(made)
+    return made
+
+
 @pytest.hookimpl(tryfirst=True)
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Mark the tests of fast files; put long files first, then those with many tests."""
+    """Mark the tests of fast files that are not slow; put long files first, then those with many tests."""
     for item in items:
-        if item.path.resolve() in FAST_FILES:
+        if item.path.resolve() in FAST_FILES and item.get_closest_marker("slow") is None:
             item.add_marker("fast")
     many = Counter(item.path for item in items)
     place = {path: (LONG_FILES.index(path.resolve()) if path.resolve() in LONG_FILES else len(LONG_FILES), -n)

@@ -104,6 +104,7 @@ def test_a_fault_that_would_be_a_name_error_is_not_planted(tmp_path):
     assert not list(tmp_path.iterdir())
 
 
+@pytest.mark.slow
 def test_what_no_test_notices_is_reported(capsys):
     first = (ROOT / "contact/laws.py").read_text(encoding="utf-8").split("\n")[0]
     harmless = faults.Fault("a longer docstring", "contact/laws.py", 1, f"{first} More.", ("tests/test_imports.py",))

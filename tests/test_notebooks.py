@@ -39,6 +39,7 @@ def test_a_notebook_is_stored_without_outputs(name: str) -> None:
         assert cell.get("execution_count") is None
 
 
+@pytest.mark.few("write_a_half")
 @pytest.mark.parametrize("name", SAYS)
 @pytest.mark.filterwarnings("ignore")  # of Jupyter's own packages
 def test_a_notebook_runs(name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -7,6 +7,8 @@ import subprocess
 import sys
 from pathlib import Path
 
+import pytest
+
 TESTS = Path(__file__).resolve().parent
 _spec = importlib.util.spec_from_file_location("tiers", TESTS / "conftest.py")
 assert _spec
@@ -30,6 +32,9 @@ def test_long_files_come_first_then_those_with_many_tests_each_in_one_piece():
         def __init__(self, path: Path, number: int) -> None:
             self.path, self.number = path, number
 
+        def get_closest_marker(self, name: str) -> None:
+            assert name == "slow"
+
         def add_marker(self, name: str) -> None:
             assert self.path in tiers.FAST_FILES
 
@@ -41,8 +46,41 @@ def test_long_files_come_first_then_those_with_many_tests_each_in_one_piece():
         (first, 0), (last, 0), (many, 0), (many, 1), (many, 2), (few, 0), (few, 1)]
 
 
-def test_no_fast_file_has_slow_tests():
-    assert [path for path in sorted(tiers.FAST_FILES) if "mark.slow" in path.read_text(encoding="utf-8")] == []
+def test_what_is_slow_in_a_fast_file_is_not_fast():
+    class Item:
+        def __init__(self, *marks: str) -> None:
+            self.path, self.marks = min(tiers.FAST_FILES), list(marks)
+
+        def get_closest_marker(self, name: str) -> str | None:
+            return name if name in self.marks else None
+
+        def add_marker(self, name: str) -> None:
+            self.marks.append(name)
+
+    items = [Item(), Item("slow")]
+    tiers.pytest_collection_modifyitems(items)
+    assert [item.marks for item in items] == [["fast"], ["slow"]]
+
+
+def test_few_leaves_the_other_cases_to_slow():
+    class Case:
+        def __init__(self, name: str, *few: str) -> None:
+            self.name, self.marks, self.few = name, [], few
+
+        def get_closest_marker(self, name: str) -> pytest.Mark | None:
+            return pytest.Mark(name, self.few, {}, _ispytest=True) if self.few and name == "few" else None
+
+        def add_marker(self, name: str) -> None:
+            self.marks.append(name)
+
+    some = [Case(f"test_a[{name}]", "b", "x[0]") for name in ("a", "b", "x[0]")]
+    tiers.keep_few(some)
+    assert [case.marks for case in some] == [["slow"], [], []]
+    alone = Case("test_a")
+    tiers.keep_few([alone])
+    assert alone.marks == []
+    with pytest.raises(pytest.Collector.CollectError, match=r"few names \['c'\] of \['a', 'b'\]"):
+        tiers.keep_few([Case("test_a[a]", "a", "c"), Case("test_a[b]", "a", "c")])
 
 
 def test_fast_runs_the_files_of_the_list_alone():

@@ -24,6 +24,7 @@ def nodal(register: Register, mu: float = 0.0) -> Register:
     return replace(register, passes=passes((0, 1), mu=mu, by_node=True))
 
 
+@pytest.mark.few("mesh0", "mesh3")
 @pytest.mark.parametrize("mesh", MESHES)
 def test_force_and_area_are_those_of_what_is_faced_at_every_place(mesh: tuple[int, int]) -> None:
     """A block that slides off on either side, a hair and almost wholly: no force is let go of at once."""

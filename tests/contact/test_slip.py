@@ -141,7 +141,7 @@ def differences(register: Register, x: Floats, multipliers: Floats, before: Floa
 @pytest.mark.parametrize("remembers", ["nodes", "points"])
 @pytest.mark.parametrize("form", FORMS)
 @pytest.mark.parametrize("axisymmetric", [False, True])
-@pytest.mark.parametrize("state", ["sticks", "slips", "both"])
+@pytest.mark.parametrize("state", [*(pytest.param(s, marks=pytest.mark.slow) for s in ("sticks", "slips")), "both"])
 @pytest.mark.parametrize("far", [3e-3, 0.3], ids=["near", "over edges"])
 def test_the_stiffness_is_the_derivative(state: str, far: float, axisymmetric: bool, form: str,
                                          remembers: str) -> None:

@@ -137,6 +137,9 @@ def test_forces_balance_and_turn_along(form: str, mu: float) -> None:
     np.testing.assert_allclose(there.shear, here.shear, rtol=0.0, atol=1e-9 * np.abs(here.t_N).max())
 
 
+@pytest.mark.few(
+    "edges-False-0.05", "edges-True-1000000000.0", "nodes-True-0.05", "nodes-False-0.0", "two passes-True-0.05",
+    "two passes-False-1000000000.0")
 @pytest.mark.parametrize("mu", [0.0, 0.05, 1e9])
 @pytest.mark.parametrize("axisymmetric", [False, True])
 @pytest.mark.parametrize("form", FORMS)

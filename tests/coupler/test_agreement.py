@@ -54,6 +54,19 @@ def bench_of(wrong: Wrong) -> Bench:
                    reference=own(wrong.role, wrong.scene))
 
 
+@pytest.mark.few(
+    "thermal: conductivity twice too large", "thermal: density left out", "thermal: radiation left out",
+    "thermal: radiation by degrees Celsius", "thermal: a film left out on one edge",
+    "thermal: a flux with the other sign", "thermal: a source left out",
+    "thermal: a prescribed temperature that stays", "thermal: radiation across the gap left out",
+    "thermal: the gap taken as half as wide", "thermal: latent heat left out",
+    "thermal: heat capacity at the first temperature alone", "thermal: pressure not heard",
+    "thermal: mechanical heat not heard", "thermal: no turn around the axis",
+    "mechanical: stiffness a third too large", "mechanical: Poisson's number halved",
+    "mechanical: plane stress for plane strain", "mechanical: expansion a quarter too large",
+    "mechanical: expansion from another temperature", "mechanical: weight left out",
+    "mechanical: a pressure along x in place of the normal", "mechanical: a traction left out",
+    "mechanical: temperatures not heard", "mechanical: no turn around the axis")
 @pytest.mark.parametrize("name", FAULTS)
 def test_a_wrong_law_is_named(name: str) -> None:
     finding = agrees(bench_of(FAULTS[name]), AGREES)
@@ -61,6 +74,7 @@ def test_a_wrong_law_is_named(name: str) -> None:
     assert FAULTS[name].says in finding.reason
 
 
+@pytest.mark.few("thermal-pressed", "thermal-round", "mechanical-blocks", "mechanical-round blocks")
 @pytest.mark.parametrize(("role", "scene"), [
     ("thermal", "apart"), ("thermal", "pressed"), ("thermal", "round"), ("mechanical", "blocks"),
     ("mechanical", "round blocks")])
@@ -96,6 +110,7 @@ class Triangles(ThermalVolume):
         return C, csr_matrix((K.ravel(), (rows.ravel(), columns.ravel())), shape=(n, n)), None
 
 
+@pytest.mark.few("pressed")
 @pytest.mark.parametrize("scene", ["apart", "pressed"])
 def test_other_elements_pass(scene: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     known = problems.entry_points
@@ -114,6 +129,7 @@ def test_cells_of_another_order_of_error_pass_and_a_coarse_mesh_says_less() -> N
     assert agrees(bench_of(wrong), AGREES).verdict is CheckVerdict.PASS
 
 
+@pytest.mark.few("thermal: density left out")
 @pytest.mark.parametrize("name", ["thermal: conductivity twice too large", "thermal: density left out",
                                   "thermal: the matrices of the first x"])
 def test_temperatures_alone_say_it_too(name: str) -> None:

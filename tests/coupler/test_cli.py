@@ -142,6 +142,7 @@ def test_a_process_ends_with_the_code_too(tmp_path):
     assert not list(tmp_path.iterdir())
 
 
+@pytest.mark.few("how1")
 @pytest.mark.parametrize("how", [(), ("--processes",)])
 def test_ctrl_c_leaves_a_readable_file_and_no_process(tmp_path, how):
     out = tmp_path / "run.h5"
@@ -192,6 +193,7 @@ def test_a_run_that_fails_has_its_page_too(tmp_path):
     assert str(page) in failed.value.__notes__[0]
 
 
+@pytest.mark.slow
 def test_flags_take_no_value(tmp_path):
     """`--report <bool>` looks as if a value followed."""
     for arguments in (("--help",), ("run", "--help"), ("verify-half", "--help")):

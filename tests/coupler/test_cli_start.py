@@ -45,6 +45,7 @@ def test_help_loads_no_solver(tmp_path: Path) -> None:
     assert not loaded(tmp_path, "--help") & {"numpy", "scipy", "numba", "h5py", "coupler.scenario", "matplotlib"}
 
 
+@pytest.mark.few("aluminium_can")
 @pytest.mark.parametrize("name", ["sliding_blocks", "aluminium_can", "hot_upsetting"])
 def test_a_look_at_a_scene_compiles_nothing(tmp_path: Path, name: str) -> None:
     modules = loaded(tmp_path, "check", str(shipped_scenarios() / f"{name}.yaml"))

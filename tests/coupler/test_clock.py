@@ -20,6 +20,7 @@ CHANGED = {"coupling.end": 0.1}
 DAY = 86400.0
 
 
+@pytest.mark.few("embedded")
 @pytest.mark.parametrize("processes", [False, True], ids=["embedded", "processes"])
 def test_a_clock_that_jumps_by_a_day_changes_nothing(tmp_path, monkeypatch, processes):
     out, right, jump = tmp_path / "run.h5", time.time, [0.0]

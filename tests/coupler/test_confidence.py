@@ -128,6 +128,7 @@ def test_a_gap_is_compared_where_it_faces_something():
     assert probe_of(Told(t[:4], np.array([math.nan, 2.0, math.nan, 3.0])), "gap")[1].tolist() == [0.0, 2.0, 2.0, 3.0]
 
 
+@pytest.mark.slow
 def test_companions_are_built_once(tmp_path, monkeypatch):
     built = []
     whole = experiments._companion
@@ -146,6 +147,7 @@ def test_a_companion_that_failed_tells_nothing():
     assert "the body melts away" in row.sentence
 
 
+@pytest.mark.few("staggered-1")
 @pytest.mark.parametrize(("scheme", "order"), [("staggered", 1), ("extrapolated", 2), ("iterated", 2)])
 def test_told_is_the_true_error_within_a_factor_of_two(tmp_path, scheme, order):
     s = scene(seizing_rod(5.0, scheme=scheme))

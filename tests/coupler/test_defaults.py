@@ -68,6 +68,7 @@ def test_a_file_of_version_1_keeps_its_scheme():
     assert any("`staggered`" in note for note in found.notes)
 
 
+@pytest.mark.few("ten times as loose")
 @pytest.mark.parametrize("more", [{}, {"adaptive": {"tolerance": LOOSE}}], ids=["default", "ten times as loose"])
 def test_a_rod_between_open_and_closed_comes_to_rest_and_windows_grow_there(tmp_path, more):
     """Its contraction grows from 1e-6 to 20 as the gap closes: measured while it was wide, windows solved once went on

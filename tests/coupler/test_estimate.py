@@ -45,6 +45,9 @@ def honesty(scheme: Scheme, H: float, n: int, method: str = "midpoint") -> tuple
             float(np.mean([w.measured for w in found])))
 
 
+@pytest.mark.few(
+    "Scheme.STAGGERED-0.5-20-midpoint-0.4", "Scheme.EXTRAPOLATED-2.22186-24-midpoint-1.0",
+    "Scheme.ITERATED-30.734699999999997-14-backward_euler-1.0")
 @pytest.mark.parametrize(("scheme", "H", "n", "method", "most"), [
     (Scheme.EXTRAPOLATED, 0.5, 30, "midpoint", 0.4), (Scheme.ITERATED, 1.0, 20, "midpoint", 0.4),
     # Stiff: here windows in halves decay so differently from whole ones that nearly all are measured.
@@ -348,6 +351,7 @@ def test_windows_find_their_size(scheme: Scheme) -> None:
     assert all(w.error is not None and w.error.error <= 1.0 for w in many if w.accepted)
 
 
+@pytest.mark.few("Scheme.EXTRAPOLATED")
 @pytest.mark.parametrize("scheme", [Scheme.STAGGERED, Scheme.EXTRAPOLATED])
 def test_heat_that_comes_late_is_no_error_of_every_window(scheme, monkeypatch):
     """Heat made at one power: windows need be a sixth in number.  The solve it takes is counted, once there is heat."""

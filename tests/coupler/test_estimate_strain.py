@@ -68,6 +68,7 @@ def off(results: Results, n: float, probe: str = "stress") -> tuple[float, float
     return float(np.abs(s - relaxed(n, t, s[0])).max() / np.ptp(s)), told.error / told.range
 
 
+@pytest.mark.few("5-auto")
 @pytest.mark.parametrize(("n", "scheme"), [(1, "auto"), (3, "auto"), (5, "auto"), (3, "extrapolated")])
 def test_stress_that_relaxes_is_as_exact_as_its_tolerance(tmp_path: Path, n: float, scheme: str) -> None:
     """1.4 to 1.7 % off with nothing but x and T to go by, of which half was told; by any scheme."""
@@ -86,6 +87,7 @@ def test_stress_that_relaxes_is_as_exact_as_its_tolerance(tmp_path: Path, n: flo
     assert less / 1.5 < told < 1.5 * less
 
 
+@pytest.mark.few("1")
 @pytest.mark.parametrize("n", [1, 5])
 def test_fixed_windows_are_told_as_wrong_as_they_are(tmp_path: Path, n: float) -> None:
     results = ran(bar(n, scheme="extrapolated", windows=[{"until": 1000, "size": 10}]), tmp_path)
@@ -104,6 +106,7 @@ def test_what_mechanics_make_of_bodies_that_remember_is_of_first_order() -> None
         assert error_estimate.doubling_of(state, solved, Iteration().level, mechanical=mechanical) == factor
 
 
+@pytest.mark.slow
 def test_a_run_that_is_resumed_finds_the_same_windows(tmp_path: Path) -> None:
     doc = bar(3)
     whole = ran(doc, tmp_path)
@@ -118,6 +121,7 @@ def test_a_run_that_is_resumed_finds_the_same_windows(tmp_path: Path) -> None:
     assert resumed.probe("stress")[1].tobytes() == whole.probe("stress")[1].tobytes()
 
 
+@pytest.mark.slow
 def test_a_mechanical_mesh_of_its_own_is_seen_as_well(tmp_path: Path) -> None:
     doc = bar(3)
     doc["mechanical"]["meshes"] = {"bar": {"rectangle": {"origin": [0, 0], "size": [LENGTH, HEIGHT], "cells": [6, 2]}}}

@@ -42,6 +42,9 @@ FITS = {
 }
 
 
+@pytest.mark.few(
+    "a clearance of what touches as drawn-rigid", "an interference as an overlap-elastic",
+    "in touch, though drawn apart-rigid", "farther apart than the surfaces see-elastic")
 @pytest.mark.parametrize("half", ["elastic", "rigid"])
 @pytest.mark.parametrize("fit", FITS)
 def test_it_is_as_if_it_were_drawn_so(fit: str, half: str, tmp_path: Path) -> None:
@@ -70,6 +73,7 @@ def test_a_fit_may_change_along_the_surface(tmp_path: Path) -> None:
     np.testing.assert_allclose(interface.gap_offset, 1e-4 + 2e-4 * x, rtol=1e-12)
 
 
+@pytest.mark.few("True")
 @pytest.mark.parametrize("exchanged", [False, True])
 def test_a_shrink_fit_by_its_interference(exchanged: bool, tmp_path: Path) -> None:
     """Lame, drawn in touch, whichever side is the slave.  The mesh is too stiff by 1 %."""

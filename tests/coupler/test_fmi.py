@@ -93,6 +93,7 @@ else:
 """, fmu, past_lists=past_lists)
 
 
+@pytest.mark.few("False")
 @BOTH_WAYS
 def test_a_state_written_in_one_process_goes_on_in_another(fmu, tmp_path, past_lists):
     first = run("""
@@ -147,6 +148,7 @@ assert abs(b.outputs["T"] - 400.0).max() < 25
 """, fmu)
 
 
+@pytest.mark.few("3-SystemExit", "5-read-only")
 @pytest.mark.parametrize(("kind", "words"), [(1, "RuntimeError: a bug"), (3, "SystemExit"), (5, "read-only")])
 def test_exceptions_of_a_half_are_errors_with_its_traceback(fmu, kind, words):
     out = run("""
@@ -170,6 +172,7 @@ print(text)
     assert "toy_half" in out
 
 
+@pytest.mark.few("True")
 @BOTH_WAYS
 def test_a_failed_computation_and_a_bad_number_are_discards(fmu, past_lists):
     run("""
@@ -182,6 +185,7 @@ assert h.advance(0.0, 0.5, {"drive": np.full(N, 1.0)}, ["T"]).status is Status.O
 """, fmu, past_lists=past_lists)
 
 
+@pytest.mark.few("True")
 @BOTH_WAYS
 def test_an_interruption_inside_a_half_reaches_the_caller(fmu, past_lists):
     run("""
@@ -195,6 +199,7 @@ else:
 """, fmu, past_lists=past_lists)
 
 
+@pytest.mark.few("False")
 @BOTH_WAYS
 def test_a_half_that_cannot_start_is_an_error(fmu, past_lists):
     out = run("""
@@ -222,6 +227,7 @@ print(text)
     assert "model.json: not a readable JSON file" in out
 
 
+@pytest.mark.few("True")
 @BOTH_WAYS
 def test_halves_of_one_kind_with_other_models_live_side_by_side(fmu, other, past_lists):
     run("""
@@ -238,6 +244,7 @@ assert abs(Tb - (273.15 + 0.25 * 400) / 1.25).max() < 1e-9
 """, fmu, other, past_lists=past_lists)
 
 
+@pytest.mark.few("False")
 @BOTH_WAYS
 def test_what_a_caller_does_wrong_is_named(fmu, past_lists):
     out = run("""

@@ -33,6 +33,7 @@ def pressures(folder: Path, scheme: str, sizes: list[float]) -> np.ndarray:
     return np.array(found)
 
 
+@pytest.mark.slow
 def test_iterated_it_is_of_second_order(tmp_path):
     """Order 1.1, and 2.5 % off in windows of 2.5 s, with the heat of slip by the pressure at its end alone."""
     found = pressures(tmp_path, "iterated", [7.5, 3.75, 1.875])

@@ -26,6 +26,7 @@ cp "$1"/* "$5"
 """
 
 
+@pytest.mark.few("at the end")
 @pytest.mark.skipif(bool(namespaces()), reason=f"no small disk here: {namespaces()}")
 @pytest.mark.parametrize(("size", "said"), [
     ("100k", "run.h5.journal: cannot be written (No space left on device). What it holds stays good: once this is "

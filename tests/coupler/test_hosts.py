@@ -49,6 +49,7 @@ def whole(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return out
 
 
+@pytest.mark.few("plain", "cut")
 @pytest.mark.parametrize("scene", ["plain", "killed", "cut", "bad"])
 def test_three_machines_around_a_router_give_the_bits_of_one_process(whole, tmp_path, scene):
     command = [sys.executable, str(HERE / "host_scene.py"), str(tmp_path), scene]

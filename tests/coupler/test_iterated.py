@@ -88,6 +88,7 @@ def test_windows_far_beyond_the_limit_reach_the_steady_state():
     assert counts(tried)[-1] == 1
 
 
+@pytest.mark.few("substeps0")
 @pytest.mark.parametrize("substeps", [(1, 1), (2, 3)])
 def test_iterated_is_second_order_with_the_midpoint_rule(substeps):
     errors = [abs(float(iterate(840.0, 20.0, n, substeps=substeps)[0].now.T[0]) - E8["T"]) for n in E8["n"][-2:]]
@@ -290,6 +291,7 @@ def solve(folder: Path, name: str, **how: object) -> Results:
                out=folder / f"{name}.h5", processes=processes)
 
 
+@pytest.mark.slow
 def test_iterated_embedded_and_in_processes_gives_the_same_bits(tmp_path):
     a, b = solve(tmp_path, "embedded"), solve(tmp_path, "hosted", processes=True)
     assert a.outcome == b.outcome == "completed"

@@ -100,6 +100,7 @@ def program(tmp_path: Path, number: int, victim: str) -> Iterator[subprocess.Pop
             coupler.kill()
 
 
+@pytest.mark.slow
 def test_a_service_killed_in_a_traction_ends_the_run_by_name(tmp_path):
     with program(tmp_path, 8, "service") as coupler:
         said, _ = coupler.communicate(timeout=200)

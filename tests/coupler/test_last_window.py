@@ -46,6 +46,7 @@ def failing(monkeypatch, half: str, status: str) -> None:
     monkeypatch.setattr(FmuHalf, "advance", wrong)
 
 
+@pytest.mark.few("mechanical")
 @pytest.mark.parametrize("half", ["thermal", "mechanical"])
 def test_after_an_error_the_last_accepted_window_is_kept(whole, tmp_path, monkeypatch, half):
     """Four windows were lost: the checkpoint of half a minute before was all there was."""

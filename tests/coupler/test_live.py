@@ -163,6 +163,7 @@ def test_charts_are_drawn_anew_for_paper(page: Browser) -> None:
     assert page.troubles == []
 
 
+@pytest.mark.slow
 @needs_browser
 def test_what_is_never_pressed_has_no_chart_of_pressure(browser: Browser, ran: Results, tmp_path: Path) -> None:
     charts = """[...document.querySelectorAll('[data-line] svg.plot')].map((e) => e.getAttribute('aria-label')

@@ -40,6 +40,7 @@ def jumping(doc: dict[str, Any], t: float, **more: Any) -> dict[str, Any]:
 
 
 
+@pytest.mark.few("creep")
 @pytest.mark.parametrize("doc", [PUSHED, CREEPING], ids=["plastic", "creep"])
 def test_a_jump_at_the_start_is_one_that_comes_later(tmp_path, doc):
     now, later = solved(tmp_path, jumping(doc, 0.0), "now"), solved(tmp_path, jumping(doc, 2.0), "later")

@@ -172,6 +172,7 @@ def the_same(a: Results, b: Results) -> None:
         np.testing.assert_array_equal(b.conditions[name].values, series.values, err_msg=name)
 
 
+@pytest.mark.slow
 def test_rewound_resumed_and_in_processes_they_are_the_same(ran: Results, tmp_path: Path) -> None:
     with Run(scene(tmp_path), tmp_path / "rewound.h5") as r:
         steps = r.windows()

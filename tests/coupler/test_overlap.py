@@ -165,6 +165,7 @@ def course(fmu: Path, kill=lambda p, k: None, **options) -> bytes:
     return b"".join(bits)
 
 
+@pytest.mark.few("mechanical", "thermal+mechanical")
 @pytest.mark.parametrize("victims", [("contact",), ("thermal",), ("mechanical",), ("thermal", "mechanical"), ROLES],
                          ids="+".join)
 def test_who_died_while_all_were_at_work_is_started_anew_and_nothing_else_happened(fmu, victims):
@@ -191,6 +192,7 @@ def test_two_halves_at_once_take_as_long_as_one(fmu):
         assert 6.0 < time.perf_counter() - begun < 11.0
 
 
+@pytest.mark.slow
 def test_a_parallel_run_in_processes_has_the_bits_of_one_in_this_process(tmp_path: Path) -> None:
     here, away = tmp_path / "here.h5", tmp_path / "away.h5"
     scenario = load_scenario(SCENARIO, SMALL)

@@ -215,6 +215,7 @@ def test_the_trust_table_and_the_notes_tell_of_it(other: Results) -> None:
     assert any("the mechanical half has a mesh of its own, 262 nodes" in note for note in other.header["notes"])
 
 
+@pytest.mark.slow
 def test_a_run_that_stopped_goes_on_to_the_same_bits(file: Path, tmp_path: Path, other: Results) -> None:
     from coupler.running.run import Run
 
@@ -227,6 +228,7 @@ def test_a_run_that_stopped_goes_on_to_the_same_bits(file: Path, tmp_path: Path,
     assert differences(tmp_path / "run.h5", other.path) == []
 
 
+@pytest.mark.slow
 def test_halves_in_processes_say_the_same(file: Path, tmp_path: Path, other: Results) -> None:
     there = ran(file, tmp_path / "run.h5", RUB | {"mechanical.meshes": OTHER}, processes=True)
     for name in ("thermal.T", "mechanical.u"):

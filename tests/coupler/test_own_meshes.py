@@ -210,6 +210,7 @@ def test_a_run_that_stopped_goes_on_to_the_same_bits(file: Path, tmp_path: Path,
     assert differences(tmp_path / "run.h5", other.path) == []
 
 
+@pytest.mark.slow
 def test_halves_in_processes_say_the_same(file: Path, tmp_path: Path, other: Results) -> None:
     there = ran(file, tmp_path / "run.h5", SHORT | {"thermal.meshes": OTHER}, processes=True)
     assert (there.field("thermal.T")[1] == other.field("thermal.T")[1]).all()
@@ -230,6 +231,7 @@ def test_the_trust_table_tells_what_the_other_mesh_does_not_hold(other: Results)
     assert any("mesh of its own, 191 nodes" in note for note in other.header["notes"])
 
 
+@pytest.mark.slow
 def test_another_package_s_half_has_one_without_knowing(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """The scikit-fem half of docs/write_a_half.md, its forty lines unchanged, and ours: one answer."""
     page = (SCENARIOS.parent / "docs/write_a_half.md").read_text()

@@ -131,6 +131,11 @@ def checked_here(fmu: Path, scratch: Path, h: float, scene: BorderScene, limit: 
             return
 
 
+@pytest.mark.few(
+    "below absolute zero", "not a number", "ignores h", "random after step 8", "hidden state", "displacements",
+    "renumbered", "pressures that pull", "covered in percent", "counts its substeps", "writes half of its state",
+    "heat in millijoules", "cells renumbered", "takes kelvin for Celsius", "strains without a cause",
+    "presses across a gap", "hears another order", "gaps in millimetres")
 @pytest.mark.parametrize("name", CASES)
 def test_a_plain_run_names_it(name: str, wrongs: dict[tuple[str, str], Path], tmp_path: Path,
                               monkeypatch: pytest.MonkeyPatch) -> None:
@@ -149,6 +154,7 @@ def test_a_plain_run_names_it(name: str, wrongs: dict[tuple[str, str], Path], tm
 
 
 # Each in one version of FMI here, and by `verify-half` in the other (test_c_halves.py): the checks are the same.
+@pytest.mark.few("crashes-3", "exits-2", "not a number-3", "displacements-2", "hidden state-3")
 @pytest.mark.parametrize(("name", "fmi"), [(name, 2 + k % 2) for k, name in enumerate(WRONG)])
 def test_a_plain_run_names_it_in_c(name: str, fmi: int, tmp_path: Path) -> None:
     if NO_COMPILER:
@@ -215,6 +221,7 @@ def row_of(results: Results) -> Check:
     return next(check for check in results.trust if check.name == verdicts.ROW)
 
 
+@pytest.mark.few("thermal=skfem-sets0-left0")
 @pytest.mark.parametrize(("swap", "sets", "left"), [
     # A run of docs/write_a_half.md checks this one, too.
     ("thermal=skfem", (), ()), pytest.param("thermal=ngsolve", (), (), marks=pytest.mark.slow),
@@ -228,6 +235,7 @@ def test_a_half_of_another_package_is_checked_once(swap: str, sets: tuple[str, .
     assert all(name in row.what.partition("not checked: ")[2] for name in left)
 
 
+@pytest.mark.few("3")
 @pytest.mark.parametrize("fmi", [2, 3])
 def test_a_half_in_c_is_checked_once(fmi: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """It takes neither heat nor a scene, and its row says what was not checked."""

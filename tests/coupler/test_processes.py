@@ -151,6 +151,7 @@ def ended(fmu: Path, trouble: Callable[[Processes], object], **options: Any) -> 
     raise AssertionError("nobody noticed")
 
 
+@pytest.mark.few("mechanical", "contact")
 @pytest.mark.parametrize("victim", ["thermal", "mechanical", "contact"])
 def test_a_killed_child_is_named_soon_and_nobody_is_left(fmu, victim):
     def trouble(p: Processes) -> None:
@@ -279,6 +280,7 @@ def program(fmu: Path, doing: str) -> Iterator[subprocess.Popen[str]]:
             coupler.kill()
 
 
+@pytest.mark.few("9-step", "15-idle")
 @pytest.mark.parametrize("doing", ["idle", "step"])
 @pytest.mark.parametrize("how", [signal.SIGINT, signal.SIGKILL, signal.SIGTERM])
 def test_no_orphans_when_the_coupler_is_ended(fmu, how, doing):

@@ -31,6 +31,7 @@ def errors_of(folder: Path, doc: dict[str, Any]) -> dict[str, str]:
     return {e.key: str(e) for e in (told.value, *told.value.others)}
 
 
+@pytest.mark.few("True-mechanics1")
 @pytest.mark.parametrize(("triangles", "mechanics"), [(False, {}), (True, {"gravity": {"y": -9.81}})])
 def test_regions_of_one_material_are_one_body(tmp_path, triangles, mechanics):
     """To round-off: the same sums in another order."""
@@ -260,6 +261,7 @@ def test_the_penalty_is_of_what_lies_at_the_surface_and_friction_heats_by_it(tmp
     assert share == pytest.approx(1.0 / (1.0 + np.sqrt(40.0)), rel=1e-3)
 
 
+@pytest.mark.slow
 def test_embedded_codec_processes_and_resumed_give_the_same_bits(tmp_path):
     doc = edited(BAR, materials__felt={**STEEL, "k": 4.0, "E": 1e10}, thermal__boundary=WALLS, mechanical=HELD,
                  bodies__bar__T0=linear(300.0, 100.0), bodies__bar__regions={

@@ -29,6 +29,7 @@ def test_a_block_that_is_lowered_is_let_go_when_it_touches() -> None:
     np.testing.assert_allclose(story.probes["carried"][first + 1:], FORCE, rtol=1e-6)
 
 
+@pytest.mark.few("staggered")
 @pytest.mark.parametrize("scheme", ["staggered", "iterated"])
 def test_the_codec_gives_the_same_bits(scheme: str) -> None:
     one, other = (told(Scene(LOWERED, {}).edited(coupling__scheme=scheme, coupling__link=link))

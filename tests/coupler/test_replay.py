@@ -150,6 +150,7 @@ def test_what_is_too_coarse_in_time_is_told_and_no_heat_is_made_of_a_part_of_it(
     assert "x " in note.partition("off by about")[2]
 
 
+@pytest.mark.slow
 def test_in_a_process_of_its_own_and_resumed_it_plays_the_same(folder: Path) -> None:
     own = Results(folder / "run.h5").probe("T")[1]
     scenario = load_scenario(folder / "s.yaml", overrides=swapped("mechanical", **{"output.checkpoint": 0}))

@@ -181,6 +181,7 @@ def test_probe_names_are_no_formulas(tmp_path: Path) -> None:
         assert label in svg
 
 
+@pytest.mark.few("failed-This run failed.", "something-did not complete (something)")
 @pytest.mark.parametrize(("outcome", "headline"), [
     ("failed", "This run failed."), ("interrupted", "This run was interrupted."),
     ("stopped", "This run was stopped before its end."), ("something", "did not complete (something)")])
@@ -198,6 +199,7 @@ def test_a_killed_run_says_how_far_it_came(tmp_path: Path) -> None:
     assert "of wall-clock time" in words
 
 
+@pytest.mark.few("case0", "case2")
 @pytest.mark.parametrize("case", [
     Case(windows=1, frames=1, reject=0), Case(windows=1, frames=0, probes=False, ledger=False, reject=0),
     Case(windows=0, frames=0, reject=0), Case(windows=3, frames=0), Case(windows=3, probes=False)])
@@ -290,6 +292,7 @@ def test_durations() -> None:
     assert [duration(s) for s in (0.0123, 59.0, 185.0, 7800.0)] == ["0.0123 s", "59 s", "3 min 5 s", "2 h 10 min"]
 
 
+@pytest.mark.few("0.001-at the end 0.001 J")
 @pytest.mark.parametrize(("rest", "said"), [(-4.9e-32, "all of it"), (1e-3, "at the end 0.001 J")])
 def test_round_off_of_heat_is_not_told_as_heat(rest: float, said: str, tmp_path: Path) -> None:
     record(tmp_path / "run.h5", CASE).end("completed", "", {

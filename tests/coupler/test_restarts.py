@@ -55,6 +55,7 @@ def course(fmu: Path, kill=lambda p, k: None, **options) -> bytes:
     return b"".join(bits)
 
 
+@pytest.mark.few("mechanical", "contact")
 @pytest.mark.parametrize("victim", ROLES)
 def test_who_died_between_two_calls_is_started_anew_and_nothing_else_happened(fmu, victim):
     killed = []
@@ -70,6 +71,7 @@ def test_who_died_between_two_calls_is_started_anew_and_nothing_else_happened(fm
     assert len(killed) >= 3
 
 
+@pytest.mark.few("thermal")
 @pytest.mark.parametrize("victim", ROLES)
 def test_who_dies_again_and_again_is_named_when_the_restarts_are_used_up(fmu, victim):
     def trouble(p) -> None:
@@ -140,6 +142,7 @@ def whole(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return out
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", [0, 1, pytest.param(2, marks=pytest.mark.slow)])
 def test_each_role_killed_at_random_moments_gives_the_bits_of_an_undisturbed_run(whole, tmp_path, seed):
     killed = killed_run(whole, tmp_path / "run.h5", seed)
@@ -150,6 +153,7 @@ def test_each_role_killed_at_random_moments_gives_the_bits_of_an_undisturbed_run
     assert children() == {}
 
 
+@pytest.mark.few("contact")
 @pytest.mark.parametrize("victim", ROLES)
 def test_without_restarts_nothing_is_lost_either(whole, tmp_path, victim):
     """Checkpoints are written every half a minute: the run is over before the second."""

@@ -140,6 +140,9 @@ def test_a_resume_may_bound_adaptive_windows(tmp_path: Path) -> None:
     assert done.t[-1] == 2.0
 
 
+@pytest.mark.few(
+    "materials.x.k-3.0-cannot change in a run", "coupling.substeps.thermal-0-coupling\\\\.substeps\\\\.thermal",
+    "coupling.adaptive.most-1.0-windows are listed or adaptive")
 @pytest.mark.parametrize(("key", "value", "said"), [
     ("coupling.end", 3.0, "cannot change in a run that has begun"), ("materials.x.k", 3.0, "cannot change in a run"),
     ("coupling.schem", "iterated", "cannot change"), ("coupling.scheme", "stagered", "Did you mean 'staggered'"),
@@ -160,6 +163,7 @@ RULES = [{"name": "often", "when": {"number": {"above": 2}}, "cooldown": 3,
          {"name": "less", "when": {"max_dT": {"above": 2.0}}, "do": [{"retry": {"window": 0.5, "least": 0.02}}]}]
 
 
+@pytest.mark.few("adaptive", "auto")
 @pytest.mark.parametrize("more", [ADAPTIVE, AUTO, ADAPTIVE | {"rules": RULES}],
                          ids=["adaptive", "auto", "rules"])
 def test_whatever_control_remembers_goes_along(more: dict[str, object], tmp_path: Path) -> None:
@@ -173,6 +177,7 @@ def test_whatever_control_remembers_goes_along(more: dict[str, object], tmp_path
     assert differences(whole, out) == []
 
 
+@pytest.mark.slow
 def test_killed_at_random_and_resumed(tmp_path: Path) -> None:
     case = Case("casting_1d.yaml", CASTING, kills=4)
     count = kill_and_resume(case, tmp_path, seed=3, say=lambda line: None)

@@ -31,6 +31,7 @@ def whole(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return out
 
 
+@pytest.mark.few("on_in_processes")
 @pytest.mark.parametrize("processes", [True, False], ids=["on_in_processes", "on_in_one"])
 def test_stopped_in_one_place_and_resumed_in_another(whole: Path, tmp_path: Path, processes: bool) -> None:
     out = tmp_path / "run.h5"
@@ -39,6 +40,7 @@ def test_stopped_in_one_place_and_resumed_in_another(whole: Path, tmp_path: Path
     assert differences(whole, out) == []
 
 
+@pytest.mark.slow
 def test_a_half_that_was_killed_leaves_a_run_that_goes_on(whole: Path, tmp_path: Path) -> None:
     out = tmp_path / "run.h5"
 
@@ -57,6 +59,7 @@ def test_a_half_that_was_killed_leaves_a_run_that_goes_on(whole: Path, tmp_path:
     assert differences(whole, out) == []
 
 
+@pytest.mark.slow
 def test_a_killed_coupler_leaves_no_process_and_a_run_that_goes_on(whole: Path, tmp_path: Path) -> None:
     out = tmp_path / "run.h5"
     sets = [word for key, value in CHANGED.items() for word in ("--set", f"{key}={value}")]

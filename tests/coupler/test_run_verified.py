@@ -38,6 +38,7 @@ def words(folder: Path, *wrong: str, unit: str = "K") -> list[str]:
     return ["run", str(scene), "-o", str(folder / "run.h5"), "-q", "--swap", f"thermal={wall}", *sets]
 
 
+@pytest.mark.few("KEEPS_TIME-time passes")
 @pytest.mark.parametrize(("wrong", "check"), [("HIDDEN", "same inputs, same bits"), ("KEEPS_TIME", "time passes")])
 def test_what_no_step_shows_is_named_before_the_run(wrong: str, check: str, tmp_path: Path) -> None:
     run = words(tmp_path, wrong)
@@ -81,6 +82,7 @@ def test_a_half_that_is_right_is_checked_once_anew_if_asked_and_ours_never(tmp_p
     assert "heat warms a body (it takes no E_M)" in row.what
 
 
+@pytest.mark.slow
 def test_a_run_that_goes_on_keeps_what_is_known_of_its_half(tmp_path: Path) -> None:
     run = words(tmp_path)
     assert CliRunner().invoke(app, [*run, "--until", "1"]).exit_code == 0

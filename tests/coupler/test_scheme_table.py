@@ -125,7 +125,7 @@ def test_each_quantity_is_of_the_order_that_the_table_tells(scheme, level, quant
     assert order(quantity, scheme, level) == pytest.approx(getattr(scheme.exchange_at(level), quantity).order, abs=0.1)
 
 
-@pytest.mark.parametrize("heats", [False, True])
+@pytest.mark.parametrize("heats", [False, pytest.param(True, marks=pytest.mark.slow)])
 @pytest.mark.parametrize(("scheme", "level"), ROWS)
 def test_a_run_is_of_the_least_of_them(scheme, level, heats):
     told = scheme.exchange_at(level).order(heats)
@@ -152,7 +152,7 @@ def ratios(pair: Halves, state: CoupledState, scheme: CouplingScheme, level: See
     return found
 
 
-@pytest.mark.parametrize("share", [0.05, 0.3])
+@pytest.mark.parametrize("share", [pytest.param(0.05, marks=pytest.mark.slow), 0.3])
 @pytest.mark.parametrize(("scheme", "level"), ROWS)
 def test_the_estimated_error_is_the_true_one_within_a_factor_of_two(scheme, level, share):
     """Of T, in windows of a share of the longest stable one; the first two begin with levels of other schemes."""

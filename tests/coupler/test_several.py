@@ -63,6 +63,7 @@ def same(one: Results, other: Results, least_moved: float) -> None:
 
 
 # Two halves in one scheme more: what a scheme asks of halves does not know how many they are.
+@pytest.mark.few("three-staggered", "three-extrapolated")
 @pytest.mark.parametrize(("halves", "scheme"), [
     (TWO, "extrapolated"), (THREE, "staggered"), (THREE, "extrapolated"), (THREE, "iterated"),
     (THREE, "mechanical_first")],
@@ -107,6 +108,7 @@ def test_whole_bodies_of_one_temperature(tmp_path: Path) -> None:
     same(one, several, 1e4)
 
 
+@pytest.mark.slow
 def test_friction_and_mechanical_heat_reach_each_body_once(tmp_path: Path) -> None:
     """A brake pad of an alloy that cools where it is pressed at once; the disc is solved for elsewhere."""
     changes = {"coupling.scheme": "adiabatic", "coupling.end": 0.2, "coupling.windows": [{"until": 0.2, "size": 0.05}],
@@ -123,6 +125,7 @@ def test_friction_and_mechanical_heat_reach_each_body_once(tmp_path: Path) -> No
     assert max(J for n, J in off.items() if n.startswith("heat.")) < 1e-6
 
 
+@pytest.mark.slow
 def test_what_halves_are_apart_falls_with_the_tolerance(file: Path, alone, tmp_path: Path) -> None:
     one, off = alone("extrapolated"), []
     for tolerance in (1e-1, 1e-3, 1e-5):
@@ -178,6 +181,7 @@ def test_in_processes_they_give_the_same_bits(file: Path, whole: Path, tmp_path:
     assert differences(whole, tmp_path / "run.h5") == []
 
 
+@pytest.mark.few("True")
 @pytest.mark.parametrize("processes", [False, True])
 def test_a_run_that_stopped_goes_on_to_the_same_bits(file: Path, whole: Path, tmp_path: Path, processes: bool) -> None:
     out = tmp_path / "run.h5"
@@ -187,6 +191,7 @@ def test_a_run_that_stopped_goes_on_to_the_same_bits(file: Path, whole: Path, tm
     assert differences(whole, out) == []
 
 
+@pytest.mark.slow
 def test_one_that_dies_is_named_and_the_run_goes_on(file: Path, whole: Path, tmp_path: Path) -> None:
     out = tmp_path / "run.h5"
 

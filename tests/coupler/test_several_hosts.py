@@ -22,6 +22,7 @@ LINES = ("thermal.a: tls/127.0.0.1:17621\nthermal.b: tls/127.0.0.1:17622\nmechan
          "contact: tls/127.0.0.1:17624\ntls: certificates\n")
 
 
+@pytest.mark.slow
 def test_three_halves_around_a_router_give_the_bits_of_one_process(tmp_path):
     whole = tmp_path / "whole.h5"
     run(load_scenario(SCENARIO, SEVERAL_SETS), whole)

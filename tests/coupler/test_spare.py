@@ -62,6 +62,7 @@ def test_two_rods_in_windows_of_half_a_second_are_not_to_be_trusted(tmp_path):
     assert "probe T2 may be off by" in next(c.sentence for c in long.broken if c.name == NAME)
 
 
+@pytest.mark.few("staggered-0.5-0.93", "extrapolated-0.5-0.317")
 @pytest.mark.parametrize(("scheme", "size", "off"), [
     ("staggered", 0.5, 0.930), ("staggered", 0.25, 0.514), ("extrapolated", 0.5, 0.317), ("extrapolated", 0.25, 0.123)])
 def test_two_rods_stopped_while_they_begin_to_swing_are_told_as_wrong_as_they_are(tmp_path, scheme, size, off):
@@ -70,6 +71,7 @@ def test_two_rods_stopped_while_they_begin_to_swing_are_told_as_wrong_as_they_ar
     assert off / 3.0 < told < 3.0 * off
 
 
+@pytest.mark.slow
 def test_two_rods_in_short_windows_are_right_and_told_so(tmp_path):
     short = ran(two_rods(0.05), tmp_path)
     late = short.probe("T2")[1][short.t > 45.0] - 300.0
@@ -93,6 +95,7 @@ def test_a_run_of_few_windows_is_told_how_wrong_it_is(tmp_path, scheme, size, of
     assert verdict(results) in (("broken",) if off > 0.3 else ("noted", "broken"))
 
 
+@pytest.mark.few("casting_1d-2.0-0.0-rod.right-0.728")
 @pytest.mark.parametrize(("file", "to", "size", "probe", "off"), [
     ("sealed_container_fire", 2400.0, 30.0, "lid.edge.T", 15.0),
     pytest.param("sealed_container_fire", 2400.0, 15.0, "lid.edge.T", 5.9, marks=pytest.mark.slow),
@@ -107,11 +110,13 @@ def test_what_switches_inside_a_window_is_told_as_wrong_as_it_is(tmp_path, file,
     assert off / 3.0 < results.probe_errors[probe].error < 3.0 * off
 
 
+@pytest.mark.few("0.15")
 @pytest.mark.parametrize("size", [0.10, 0.15])
 def test_cycles_of_three_and_seven_windows_are_told_by_their_errors(tmp_path, size):
     assert verdict(ran(two_sided_rod(size, 40 * size), tmp_path)) == "broken"
 
 
+@pytest.mark.slow
 def test_the_seizing_rod_and_the_column_are_told_as_good_as_they_are(tmp_path):
     """Friction heat that comes a window late is late once.  T is off by 2.07 % after the first window, against windows
     of a quarter of the size (0.1 % was told, from the third window alone).

@@ -264,6 +264,7 @@ def test_a_run_that_ended_early_is_told(beside):
     assert "at 10 s (that run ended early: stopped)" in loaded(beside, after({"from": "early.h5"})).notes[0]
 
 
+@pytest.mark.slow
 def test_embedded_codec_and_processes_give_the_same_bits(beside):
     doc = after(coupling__end=6.0, coupling__windows=[{"until": 6.0, "size": 2.0}])
     a = run(loaded(beside, doc), beside / "a.h5")

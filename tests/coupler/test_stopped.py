@@ -34,6 +34,7 @@ def fmu(tmp_path) -> Path:
     return path
 
 
+@pytest.mark.few("mechanical", "contact")
 @pytest.mark.parametrize("victim", ["thermal", "mechanical", "contact"])
 def test_a_process_stopped_for_a_while_is_waited_for(fmu, victim):
     with two(fmu) as p:

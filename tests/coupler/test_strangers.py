@@ -74,6 +74,7 @@ def undisturbed(p: Processes, steps: int = 3) -> None:
     p.halves["mechanical"].advance(0.0, 1.0, {}, ["y"])
 
 
+@pytest.mark.few("tcp")
 def test_a_stranger_learns_nothing_and_changes_nothing(run):
     with stranger(*endpoints(run)) as process:
         got = json.loads(process.communicate(timeout=60)[0])
@@ -86,6 +87,7 @@ def test_a_stranger_learns_nothing_and_changes_nothing(run):
     assert run.asked()[REFUSED]["count"] > 0
 
 
+@pytest.mark.few("tcp")
 def test_who_answers_in_the_place_of_a_half_is_not_believed(run):
     with stranger("--in-their-place", *endpoints(run)) as process:
         assert process.stdout is not None
@@ -111,6 +113,7 @@ def test_another_user_does_not_reach_the_sockets(tmp_path):
         assert os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]) == 7
 
 
+@pytest.mark.few("tcp")
 def test_a_half_serves_one_owner(run):
     half = run.halves["thermal"]
     session, instance = half.half._client._session, half.half._client._instance
@@ -120,6 +123,7 @@ def test_a_half_serves_one_owner(run):
     undisturbed(run)
 
 
+@pytest.mark.few("socket")
 def test_the_secret_is_in_no_command_line_environment_or_file(run):
     run_name = run.contact_link.rpartition("/")[2]
     seal = seal_of(run_name)
@@ -145,6 +149,7 @@ def is_secret(seal, word: str) -> bool:
                for i in range(len(word) - 63) if set(word[i:i + 64]) <= set("0123456789abcdef"))
 
 
+@pytest.mark.few("socket")
 def test_a_step_from_another_time_is_refused(run):
     half = run.halves["thermal"]
     for t in (0.0, 2.0, 1.0 + 1e-9):

@@ -57,6 +57,7 @@ def test_the_recorder_asks_too(tmp_path: Path) -> None:
     assert scenario.read_text() == "slideline: 2\n"
 
 
+@pytest.mark.few("s.yaml")
 @pytest.mark.parametrize("name", ["old.h5", "s.yaml"])
 def test_a_page_replaces_pages_only(tmp_path: Path, run_h5: Path, name: str) -> None:
     (tmp_path / "s.yaml").write_text("slideline: 2\n")

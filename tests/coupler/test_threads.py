@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 import numpy as np
+import pytest
 from threadpoolctl import threadpool_info, threadpool_limits
 
 from coupler import Results, Run, load_scenario, run
@@ -23,6 +24,7 @@ def solve(folder: Path, name: str, processes: bool = False) -> Results:
     return run(load_scenario(SCENARIO, overrides=SHORT), folder / f"{name}.h5", processes=processes)
 
 
+@pytest.mark.slow
 def test_two_threads_of_blas_change_no_bit(tmp_path: Path) -> None:
     with threadpool_limits(2):
         embedded = solve(tmp_path, "embedded")

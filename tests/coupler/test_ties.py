@@ -66,6 +66,7 @@ def jump(R: float) -> float:
     return 100.0 * R / (L[0] / K[0] + R + L[1] / K[1])
 
 
+@pytest.mark.few("0.001-rigid", "1e-05-elastic")
 @pytest.mark.parametrize("half", ["elastic", "rigid"])
 @pytest.mark.parametrize("R", [1e-3, 1e-5])
 def test_heat_crosses_it_by_its_resistance_though_it_is_pulled(R: float, half: str, tmp_path: Path) -> None:
@@ -92,6 +93,7 @@ def test_it_carries_the_pull_and_says_so(tmp_path: Path) -> None:
     np.testing.assert_allclose(joint.t_N[-1], 1.0e8, rtol=1e-3)
 
 
+@pytest.mark.slow
 def test_roles_do_not_matter(tmp_path: Path) -> None:
     a = solved(tmp_path)
     b = solved(tmp_path, name="exchanged", contact__joint__slave="lower.top", contact__joint__master="upper.bottom")
@@ -99,6 +101,7 @@ def test_roles_do_not_matter(tmp_path: Path) -> None:
         assert float(b.probe(name)[1][-1]) == pytest.approx(float(a.probe(name)[1][-1]), rel=2e-5)
 
 
+@pytest.mark.few("thermal")
 @pytest.mark.parametrize("half", ["lumped", "thermal"])
 def test_heat_is_kept_across_it_in_time(half: str, tmp_path: Path) -> None:
     """Bodies of 300 and 400 K, insulated: together they come to the mean of what they store."""

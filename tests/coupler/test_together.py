@@ -41,6 +41,7 @@ CASES: dict[str, tuple[str, dict[str, Any]]] = {
 }
 
 
+@pytest.mark.few("along the heat, adaptive")
 @pytest.mark.parametrize("name", CASES)
 def test_resumed_anywhere_it_is_the_undisturbed_run(name: str, tmp_path: Path) -> None:
     file, overrides = CASES[name]

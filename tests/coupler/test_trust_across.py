@@ -56,6 +56,7 @@ def test_a_half_with_temperatures_everywhere_has_no_such_row(tmp_path):
     assert check_of(run(load_scenario(file), tmp_path / "run.h5").trust) is None
 
 
+@pytest.mark.slow
 def test_the_command_line_ends_with_4_and_processes_tell_the_same(tmp_path):
     file = tmp_path / "plate.yaml"
     file.write_text(SCENE.format(k=1.0, half="lumped"))

@@ -62,6 +62,7 @@ def test_a_wall_by_its_cells(tmp_path, cells, how, end, size, verdict):
         assert "times as many cells" in check.sentence
 
 
+@pytest.mark.slow
 def test_the_command_line_ends_with_4_and_processes_tell_the_same(tmp_path):
     file, told = scene(tmp_path), []
     for more in ([], ["--processes"]):

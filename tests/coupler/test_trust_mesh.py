@@ -54,6 +54,7 @@ def test_a_cantilever_by_its_cells(tmp_path, cells, more, verdict):
         assert "times as many cells" in check.sentence
 
 
+@pytest.mark.slow
 def test_the_command_line_ends_with_4_and_processes_tell_the_same(tmp_path):
     file, told = scene(tmp_path, "[10, 2]"), []
     for more in ([], ["--processes"]):

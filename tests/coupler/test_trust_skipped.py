@@ -67,11 +67,13 @@ def test_windows_that_see_the_coil_say_nothing(tmp_path):
     assert row(results).number < 0.01
 
 
+@pytest.mark.slow
 def test_data_that_move_along_or_are_the_same_everywhere_have_no_row(tmp_path):
     assert row(strip(tmp_path, 3, {"Q_T": 1e6})) is None
     assert row(strip(tmp_path, 3, {"Q_T": {"terms": [{"t": 2e9, "x": COIL}]}}, speed=0.0)) is None
 
 
+@pytest.mark.few("condition0", "condition3")
 @pytest.mark.parametrize("condition", [
     {"flux": {"terms": [{"t": 1e6, "x": COIL}]}},
     {"convection": {"h": {"terms": [{"t": 500, "x": COIL}]}, "T": 800}},

@@ -29,6 +29,9 @@ def toys_are_installed(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("PYTHONPATH", str(HALVES))
 
 
+@pytest.mark.few(
+    "exit-its process ended with code 0, asked to step from ",
+    "crash-its process was ended by signal 11, asked to step from ")
 @pytest.mark.parametrize(("ends", "says"), [
     ("exit", "its process ended with code 0, asked to step from "),
     ("crash", "its process was ended by signal 11, asked to step from "),

@@ -151,6 +151,7 @@ run.end("completed", "", {{"seconds": 1.0}})
 """
 
 
+@pytest.mark.slow
 def test_a_run_and_who_watches_it_both_end_well(tmp_path: Path) -> None:
     for k in range(3):
         out = tmp_path / f"run{k}.h5"

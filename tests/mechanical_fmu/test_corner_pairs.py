@@ -64,6 +64,7 @@ def sides(interface):
     return [interface.side_of(name, NAMES[name][0]).at for name in ("floor", "wall")]
 
 
+@pytest.mark.few("4-no", "4-floor", "4-wall", "4-both", "8-no", "8-floor", "8-wall", "8-both")
 @pytest.mark.parametrize("augmented", [(), ("floor",), ("wall",), ("floor", "wall")],
                          ids=["no", "floor", "wall", "both"])
 @pytest.mark.parametrize("n", [4, 8, 16])

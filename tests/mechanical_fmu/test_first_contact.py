@@ -131,6 +131,7 @@ def pressed_stack(gap, load):
         return half.step(state, inputs_of(half), 0.0, 1.0, link)
 
 
+@pytest.mark.few("0.0001")
 @pytest.mark.parametrize("gap", [1e-4, 1e-2])
 def test_blocks_that_only_hold_each_other_fall_together_and_rest(gap):
     _, found = done(pressed_stack(gap, -FORCE))
@@ -165,6 +166,7 @@ def test_a_body_that_nothing_pushes_stays_and_expands():
 
 
 # Corners of a block that bends by heat let go and come back; where they slip, nothing holds the block along x.
+@pytest.mark.few("cells0-0.0-50.0")
 @pytest.mark.parametrize(("cells", "aside", "dT"), [((4, 3), 0.0, 50.0), ((6, 5), 0.03, 10.0)])
 def test_a_block_on_one_that_bends_by_heat_is_not_flung_away(monkeypatch, cells, aside, dT):
     """Nothing but contact holds it.  Where it was, every step took all damped increments, or could not be solved."""

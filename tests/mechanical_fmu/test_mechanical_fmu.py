@@ -55,6 +55,7 @@ print("well")
 """
 
 
+@pytest.mark.few("elastic")
 @pytest.mark.parametrize("kind", MODELS)
 def test_an_fmu_is_built_valid_steps_restores_and_refuses(tmp_path, kind):
     write_interface(blocks(4, 5, gap=1e-3), tmp_path / "interface.h5")

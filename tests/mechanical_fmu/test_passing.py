@@ -74,6 +74,7 @@ def across(way: float, size: float, *, thickness: float, cells: int) -> Scene:
                        "lower": box(0, 0, thickness, 0.03, (2, 2 * cells))})
 
 
+@pytest.mark.few("0", "3", "8", "10")
 @pytest.mark.parametrize("seed", range(12))
 def test_never_through_at_any_speed(seed):
     rng = np.random.default_rng(seed)
@@ -114,6 +115,7 @@ ALONG = Scene(two_blocks().copied_doc(), {"upper": box(-0.032, 0.0, 0.03, 0.02, 
         "t": [0, 4], "value": [0, -2e-3]}}])
 
 
+@pytest.mark.few("2")
 @pytest.mark.parametrize("cells", [1, 2])
 def test_bodies_of_one_cell_driven_along_each_other_press_in_any_frame_and_either_way_round(cells):
     """By 30 mm in one window, where 2 mm are between: the edges of their sides lie on one line."""

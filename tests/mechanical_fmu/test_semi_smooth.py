@@ -129,6 +129,7 @@ CASES = {"plain": lambda m: squeezed(m, 1e-6), "two passes": lambda m: squeezed(
                                             materials={"m": {**STEEL, "rho": 7800}})}
 
 
+@pytest.mark.few("plain", "two passes", "friction", "rigid, pressed by a force", "axisymmetric")
 @pytest.mark.parametrize("make", CASES.values(), ids=list(CASES))
 def test_it_is_the_answer_of_the_rounds_for_less(make):
     for (_, one), (_, other) in zip(went(make("uzawa"), 2), went(make("semi_smooth"), 2), strict=True):

@@ -47,6 +47,7 @@ def solved(monkeypatch) -> list[float]:
     return apart
 
 
+@pytest.mark.few("scene0", "scene2")
 @pytest.mark.parametrize("scene", [pressed(), at_the_end(pressed()), across_a_film(), at_the_end(across_a_film())])
 def test_iterated_windows_solve_the_one_system(scene, solved):
     assert one_system_laws.ONE_SYSTEM.applies(scene)
@@ -80,6 +81,7 @@ def all_at_once(monkeypatch):
                         lambda self, energy, H, step, fresh: right(self, energy, H, step, True))
 
 
+@pytest.mark.few("along the chord")
 @pytest.mark.parametrize(("scene", "fault"), [(turning(), straight), (rubbing(), all_at_once)],
                          ids=["along the chord", "heat of later times"])
 def test_what_windows_hand_over_is_that_of_the_documents(scene, fault, monkeypatch):
@@ -101,6 +103,7 @@ def test_iterating_that_ends_too_early_is_found(monkeypatch):
     assert found(one_system_laws.check_one_system, across_a_film())
 
 
+@pytest.mark.slow
 def test_damped_methods_come_to_rest():
     for seed, scene in enumerate((across_a_film(), at_the_end(across_a_film()))):
         assert one_system_laws.STEADY.applies(scene)

@@ -32,6 +32,7 @@ SCENES = {"plate": PLATE, "rubbing": RUBBING, "corner": corner(1e-4),
 SEEDS = range(3000, 3006)
 
 
+@pytest.mark.few("plate", "corner")
 @pytest.mark.parametrize("scene", SCENES.values(), ids=SCENES)
 def test_right_scenes_add_up_by_name(scene):
     story = told(scene)
@@ -39,6 +40,7 @@ def test_right_scenes_add_up_by_name(scene):
     assert not [f.what for f in NAMED.check(scene, story, RNG)]
 
 
+@pytest.mark.few("3001", "3003")
 @pytest.mark.parametrize("seed", SEEDS)
 def test_drawn_scenes_add_up_by_name(seed):
     """Not one of the laws that are drawn: another one there would draw other laws for the seeds that are fixed."""

@@ -63,6 +63,7 @@ def test_moved_meshes_are_not_refined():
 
 
 # The narrowest tolerances, which cost most, by one scheme.
+@pytest.mark.few("staggered")
 @pytest.mark.parametrize(("scheme", "shares"), [("staggered", refine_laws.SHARES), ("iterated", (1, 4))],
                          ids=["staggered", "iterated"])
 def test_errors_are_as_estimated(scheme, shares, monkeypatch):
@@ -79,6 +80,7 @@ def test_errors_understated_are_found(monkeypatch):
     assert any("times what was estimated" in text for text in found(refine_laws.check_estimate, short()))
 
 
+@pytest.mark.slow
 def test_answers_settle():
     assert refine_laws.SETTLES.applies(pressed())
     assert found(refine_laws.check_settles, pressed()) == []

@@ -41,11 +41,13 @@ def violations(law: Invariant, scene: Scene, story: Story) -> list[str]:
 
 
 @pytest.mark.parametrize("law", LAWS)
-@pytest.mark.parametrize("name", ["flat", "pressed", "disc", "heat"])
+@pytest.mark.parametrize("name", ["flat", *(pytest.param(n, marks=pytest.mark.slow) for n in ("pressed", "disc")),
+                                  "heat"])
 def test_right_scenes_keep_the_laws(name: str, law: str) -> None:
     assert not violations(LAWS[law], *scene_and_story(name))
 
 
+@pytest.mark.few("rings-roles: heat across even gaps", "ball-roles: slave and master")
 @pytest.mark.parametrize(("name", "law"), [("rings", SIDES), ("rings", EVEN_GAPS), ("ball", SIDES)], ids=str)
 def test_heat_between_rings_has_one_area(name: str, law: Invariant) -> None:
     assert not violations(law, *scene_and_story(name))
@@ -82,6 +84,7 @@ def _half_the_pressure_on_the_second_body(patch: pytest.MonkeyPatch) -> None:
     patch.setattr(thermal_fmu.half, "contact_points", wrong)
 
 
+@pytest.mark.few("area", "even")
 @pytest.mark.parametrize(("law", "name", "plant"), [
     (SIDES, "flat", _more_area_from_the_first_body),
     (EVEN_GAPS, "flat", _more_area_from_the_first_body),

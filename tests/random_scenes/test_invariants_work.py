@@ -6,6 +6,7 @@ import sys
 from pathlib import Path
 
 import numpy as np
+import pytest
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 from coupler.running.run import Run
@@ -21,6 +22,7 @@ def found(scene: Scene) -> list[str]:
     return [f.what for f in work.SAME_BITS.check(scene, story, np.random.default_rng(0))]
 
 
+@pytest.mark.slow
 def test_fmus_bytes_processes_and_resumed_runs_have_the_same_bits():
     short = adaptive().edited(coupling__scheme="auto", coupling__end=5)
     assert found(short) == []

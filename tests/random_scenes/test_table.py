@@ -55,6 +55,7 @@ def table(folder: Path, seeds: int) -> str:
     return done.stdout
 
 
+@pytest.mark.slow
 def test_what_crashes_or_hangs_is_a_row_and_a_run_goes_on(tmp_path):
     table(tmp_path, 3)
     path = tmp_path / "rows.jsonl"
@@ -70,6 +71,7 @@ def test_what_crashes_or_hangs_is_a_row_and_a_run_goes_on(tmp_path):
     assert "ValueError: no such thing" in text
 
 
+@pytest.mark.few("time.sleep(1)-nothing done", "[None for _ in range(200000)]-of CPU")
 @pytest.mark.parametrize(("does", "late"), [
     ("time.sleep(0.5); [None for _ in range(3000000)]", ""),  # a part of a core: others have the rest
     ("[None for _ in range(200000)]", "of CPU"),

@@ -43,11 +43,13 @@ def heat(brake: Results) -> float:
     return brake.ledger["friction.slave"] + brake.ledger["friction.master"]
 
 
+@pytest.mark.slow
 def test_as_shipped_it_is_to_be_trusted(brake: Results) -> None:
     assert brake.outcome == "completed", brake.message
     assert [f"{c.name}: {c.what}" for c in brake.broken] == []
 
 
+@pytest.mark.slow
 def test_mu_n_s_becomes_heat_and_all_is_delivered(brake: Results) -> None:
     p = brake.probe("pad.mean_p")[1]
     s = slid(brake)
@@ -62,6 +64,7 @@ def test_mu_n_s_becomes_heat_and_all_is_delivered(brake: Results) -> None:
     assert brake.heat_imbalance < 1e-10
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["pad.T", "disc.T"])
 def test_the_middle_warms_as_half_spaces_do(brake: Results, name: str) -> None:
     """D10's first second under the local mu p v.
@@ -75,6 +78,7 @@ def test_the_middle_warms_as_half_spaces_do(brake: Results, name: str) -> None:
         assert float(np.interp(t, *brake.probe(name))) - 293.15 == pytest.approx(expected, rel=0.01)
 
 
+@pytest.mark.few("mechanical-10-0.01")
 @pytest.mark.parametrize(("side", "times", "dT"), [
     # Of 2 K.  Friction and way are the same in ten steps as in one, but for how the pad's ends spring back.
     ("mechanical", 10, 0.01),
@@ -108,6 +112,7 @@ def same_heat_and_temperatures(brake: Results, finer: Results, dT: float) -> Non
     assert finer.heat_imbalance < 1e-10
 
 
+@pytest.mark.slow
 def test_a_pad_that_cannot_expand_keeps_its_edge_pressed(brake: Results, tmp_path: Path) -> None:
     """Bowed by its own heat the pad takes pressure from its edge and gives it to the middle (14 % after a second)."""
     cold = braked(tmp_path, "cold", materials__steel__alpha=0, materials__aluminium__alpha=0, coupling__end=0.7)

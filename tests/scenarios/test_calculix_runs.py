@@ -122,12 +122,14 @@ def assert_same_bits(a: Results, b: Results) -> None:
         np.testing.assert_array_equal(a.probe(probe)[1], b.probe(probe)[1], err_msg=probe)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("role", OF)
 def test_in_processes_it_is_the_same_to_the_bit(role: str, folder: Path) -> None:
     there = run(scene(folder, role), folder / f"{role}-processes.h5", processes=True)
     assert_same_bits(Results(folder / f"{role}.h5"), there)
 
 
+@pytest.mark.few("thermal")
 @pytest.mark.parametrize("role", OF)
 def test_resumed_it_is_the_same_to_the_bit(role: str, folder: Path) -> None:
     out = folder / f"{role}-resumed.h5"

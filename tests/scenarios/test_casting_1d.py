@@ -46,6 +46,7 @@ def test_when_all_is_solid(casting: Results) -> None:
     assert (casting.probe("interface.p")[1] == 0.0).all()
 
 
+@pytest.mark.few("5 s")
 @pytest.mark.parametrize("frozen", CASE["frozen_gap"], ids=lambda case: f"{case['every']:g} s")
 def test_what_a_seldom_exchange_costs(tmp_path: Path, frozen: dict[str, float]) -> None:
     """The gap held through windows, the thermal half in substeps of .1 s: .5 % of the page's numbers."""
@@ -56,6 +57,7 @@ def test_what_a_seldom_exchange_costs(tmp_path: Path, frozen: dict[str, float]) 
     assert result.probe("rod.solid")[1][-1] == pytest.approx(frozen["solid"], rel=5e-3)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("scheme", ["extrapolated", "auto"])
 def test_windows_that_find_their_size_are_few_and_right(tmp_path: Path, scheme: str) -> None:
     """.5 % of the solid fraction at 20 s and 1 % of when all is solid, with fewer solves than the 407 listed windows.

@@ -45,6 +45,7 @@ def clearance(folder: Path, scale: float, scheme: str) -> Results:
     return solve(folder, rod_scene(rod, law, {"scheme": scheme, "end": 20000, "windows": windows}))
 
 
+@pytest.mark.few("extrapolated")
 @pytest.mark.parametrize("scheme", ["staggered", "extrapolated"])
 def test_d9_clearance_that_heat_sets_itself(scheme: str, tmp_path: Path) -> None:
     """Strains of 4e-6, so the closed form of small strains is met: 400 K, not 600 K as if it could not move."""
@@ -59,6 +60,7 @@ def test_d9_clearance_that_heat_sets_itself(scheme: str, tmp_path: Path) -> None
     assert np.diff(results.probe("T")[1]).min() > -1e-3, "windows this small bring no swing"
 
 
+@pytest.mark.slow
 def test_d9_with_strains_as_they_are(tmp_path: Path) -> None:
     """At full size the tip is wider by alpha (T_B - 300), so it gives off more by that share."""
     results = clearance(tmp_path, 1.0, "extrapolated")
@@ -88,6 +90,7 @@ def touch(results: Results) -> float:
     return float(t[k - 1] - gap[k - 1] * (t[k - 1] - t[k - 2]) / (gap[k - 1] - gap[k - 2]))
 
 
+@pytest.mark.few("stiff")
 @pytest.mark.parametrize("pair", [{}, {"penalty": 1e12, "augmented": {"tolerance": 1e-4}}], ids=["stiff", "augmented"])
 def test_d13_a_gap_closes(pair: Tree, tmp_path: Path) -> None:
     results = solve(tmp_path, closing(**pair))

@@ -123,6 +123,7 @@ def test_iterated_windows_that_see_the_end_are_the_one_system(tmp_path: Path) ->
     assert found.probe("p")[1][-1] > P_0
 
 
+@pytest.mark.slow
 def test_the_steady_state_is_that_of_both_fields_at_once(tmp_path: Path) -> None:
     """Where all is steady no scheme is left in the answer: both agree to the size of the strain."""
     windows = [{"until": 60, "size": 4}, {"until": 600, "first": 4, "last": 60}]

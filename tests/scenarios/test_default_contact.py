@@ -57,6 +57,7 @@ def shrink_fit(delta: float, a: float, b: float, c: float) -> float:
     return delta / (b / E_) / ((c**2 + b**2) / (c**2 - b**2) + nu + (b**2 + a**2) / (b**2 - a**2) - nu)
 
 
+@pytest.mark.few("8")
 @pytest.mark.parametrize("cells", [4, 8])
 def test_a_shrink_fit_as_drawn(cells: int, tmp_path: Path) -> None:
     """An overlap as drawn is the interference.  By a penalty alone of E/h the pressure was 1.9 % low."""

@@ -73,6 +73,7 @@ def test_touch_and_slip_off_are_found_where_they_are(original):
     assert w.taken.sum() == 12 + 15 + 2
 
 
+@pytest.mark.few("mirrored in_inches")
 @pytest.mark.parametrize("changes", [(moved, turned), (mirrored, in_inches)],
                          ids=lambda some: " ".join(change.__name__ for change in some))
 def test_a_copy_has_its_events_at_the_same_times(original, changes: tuple[Callable[[Tree], Tree], ...], tmp_path):
@@ -93,6 +94,7 @@ def test_renumbered(original, monkeypatch, tmp_path):
     assert_same_times(original, solve(tmp_path, uneven(), "elastic"))
 
 
+@pytest.mark.few("rigid")
 @pytest.mark.parametrize("half", ["rigid", "elastic"])
 def test_what_the_schedule_has_as_a_kink_is_not_cut_again(half: str, tmp_path):
     """The scene as it is told: touch at 10000 s and, of rigid blocks, slip-off at 14772.7 s are kinks."""

@@ -58,6 +58,7 @@ def test_mu_n_s_becomes_heat(block: Results) -> None:
     assert made[t[1:] > 9.3].max() < 1e-4 * made.max()
 
 
+@pytest.mark.few("False")
 @pytest.mark.parametrize("two_pass", [False, True])
 def test_with_all_defaults_no_more_heat_is_delivered_than_was_made(tmp_path: Path, two_pass: bool) -> None:
     """Heat of friction is handed over before it is made; searched from both sides 0.25 % was never taken back."""
@@ -79,6 +80,7 @@ def test_what_windows_made_was_delivered_and_shared_by_effusivity(block: Results
     assert block.heat_imbalance < 1e-10
 
 
+@pytest.mark.slow
 def test_what_is_missing_is_wound_up_in_the_spring_of_sticking(tmp_path: Path) -> None:
     """mu p/eps_T of the way makes no heat: between that of the mean pressure and that of the largest."""
     stick = 1e10
@@ -88,6 +90,7 @@ def test_what_is_missing_is_wound_up_in_the_spring_of_sticking(tmp_path: Path) -
     assert MU * p / stick < missing / (MU * WIDTH * p) < MU * soft.windows.max_p.max() / stick
 
 
+@pytest.mark.slow
 def test_processes_give_the_same_bits(block: Results, tmp_path: Path) -> None:
     hosted = rubbed(tmp_path, processes=True)
     assert hosted.ledger == block.ledger

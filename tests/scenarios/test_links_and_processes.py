@@ -33,6 +33,7 @@ def assert_same_bits(a: Results, b: Results) -> None:
         np.testing.assert_array_equal(a.windows[column], b.windows[column], err_msg=column)
 
 
+@pytest.mark.few("rigid")
 @pytest.mark.parametrize("mechanical", ["elastic", "rigid"])
 def test_embedded_codec_and_processes_give_the_same_bits(tmp_path, mechanical):
     embedded = solve(tmp_path, "embedded", **{"mechanical.half": mechanical})

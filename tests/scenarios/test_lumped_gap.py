@@ -38,6 +38,7 @@ def test_below_the_critical_window_it_converges(tmp_path: Path) -> None:
     assert K_G / (gap[-1] + G_M) == pytest.approx(E4["h"], abs=0.5e-3)
 
 
+@pytest.mark.few("10.0-cycle_at_10")
 @pytest.mark.parametrize(("share", "key"), [(1.2, "cycle_at_1_2"), (10.0, "cycle_at_10")])
 def test_beyond_it_cycles_between_two_states(tmp_path: Path, share: float, key: str) -> None:
     T, _ = lumped(tmp_path, share, 60, on_unstable="warn")
@@ -45,6 +46,7 @@ def test_beyond_it_cycles_between_two_states(tmp_path: Path, share: float, key: 
     assert T[-4:-2] == pytest.approx(T[-2:], abs=1e-4)
 
 
+@pytest.mark.few("1.2")
 @pytest.mark.parametrize("share", [1.2, 10.0, 100.0])
 def test_beyond_it_windows_are_cut_or_iterated_unasked(tmp_path: Path, share: float) -> None:
     T, gap = lumped(tmp_path, share, 60)
@@ -123,6 +125,7 @@ def test_a_rod_that_grows_into_contact(tmp_path: Path) -> None:
     assert found["rest"] == pytest.approx([case["T_steady"], 1e6 * case["p_steady"]], rel=1e-6)
 
 
+@pytest.mark.slow
 def test_its_touch_is_found_to_a_ten_thousandth_of_a_second(tmp_path: Path) -> None:
     """D13 by the rod halves, in small strains: 1000 cells leave 8e-5 s, and no try is put back.
 

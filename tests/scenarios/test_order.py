@@ -50,6 +50,7 @@ def check(folder: Path, cells: int, coarsest: int) -> None:
 
 
 # Windows start at a twentieth of the time the edge takes to cross a cell: larger ones ring, and that has no order.
+@pytest.mark.slow
 def test_order_on_a_coarse_mesh(tmp_path):
     check(tmp_path, cells=8, coarsest=16)
 

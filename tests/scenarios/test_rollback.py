@@ -31,6 +31,7 @@ def assert_same(a: list[dict[str, np.ndarray]], b: list[dict[str, np.ndarray]]) 
             np.testing.assert_array_equal(one[name], other[name], err_msg=name)
 
 
+@pytest.mark.few("elastic")
 @pytest.mark.parametrize("mechanical", ["elastic", "rigid"])
 def test_step_restore_step_in_contact(tmp_path, mechanical):
     scenario = load_scenario(ROOT / "scenarios/sliding_blocks.yaml", overrides={**SMALL, "mechanical.half": mechanical})

@@ -57,6 +57,7 @@ def test_the_gap_is_what_a_sheet_of_paper_says(coupled: Results) -> None:
         assert at(coupled, "seat.gap", t) == pytest.approx(salt - wall - ROOM, rel=0.1)
 
 
+@pytest.mark.slow
 def test_without_motion_there_is_no_leak_and_heat_takes_another_way(coupled: Results, rigid: Results) -> None:
     assert np.abs(rigid.probe("seat.gap")[1]).max() < 1e-12
     c = compare(coupled, rigid)
@@ -71,6 +72,7 @@ def test_without_motion_there_is_no_leak_and_heat_takes_another_way(coupled: Res
     assert "1.64 mm in gap (seat.gap at vessel at (0.043, 0.1265), t = 13" in told
 
 
+@pytest.mark.slow
 def test_no_heat_is_lost(coupled: Results, rigid: Results) -> None:
     assert coupled.heat_imbalance < 1e-10
     assert rigid.heat_imbalance < 1e-10

@@ -44,6 +44,7 @@ def pressures(scene: Scene) -> np.ndarray:
     return -story.t_N[-1][story.interface.pair_sides[0].at]
 
 
+@pytest.mark.few("16-20-drawn", "8-10-stated")
 @pytest.mark.parametrize("stated", [False, True], ids=["drawn", "stated"])
 @pytest.mark.parametrize(("inner", "outer"), [(16, 20), (20, 16), (8, 10)])
 def test_a_fit_of_unlike_meshes_is_even(inner: int, outer: int, stated: bool) -> None:

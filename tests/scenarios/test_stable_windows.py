@@ -24,6 +24,7 @@ E4 = tomllib.loads((ROOT / "tests/expected.toml").read_text(encoding="utf-8"))["
 CLOSE = 0.02  # a closed form exists
 
 
+@pytest.mark.few("backward_euler")
 @pytest.mark.parametrize("method", ["backward_euler", "midpoint"])
 def test_the_prediction_at_rest_is_the_closed_form(tmp_path: Path, method: str) -> None:
     file = tmp_path / "gap.yaml"

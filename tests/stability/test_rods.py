@@ -38,6 +38,7 @@ def growth_rate(d: float, l1: float = 0.0) -> float:
     return float(np.log(T[199] / T[149]))
 
 
+@pytest.mark.few("0.96--0.1601435707")
 @pytest.mark.parametrize(("d", "l1"), list(zip(E3A["d"], E3A["l1"], strict=True)))
 def test_barbers_rod_decays_and_grows_as_its_operator_says(d, l1):
     """80 cells and windows of .02 leave 2e-5."""
@@ -49,6 +50,7 @@ def test_its_onset():
     assert onset == pytest.approx(E3A["onset"], abs=1e-4)
 
 
+@pytest.mark.few("1-contact")
 @pytest.mark.parametrize(("towards", "end"), [(1, "contact"), (-1, "apart")])
 def test_of_several_steady_states_the_middle_one_is_left(towards, end):
     halves, state = nudged(E3B["nudge"], towards=towards)
@@ -70,6 +72,7 @@ def test_the_rest_of_e3c():
     assert e3c_steady() == pytest.approx((E3C["g"], E3C["T_L"]), abs=5e-9)
 
 
+@pytest.mark.few("midpoint")
 @pytest.mark.parametrize("method", ["backward_euler", "midpoint"])
 def test_the_lagged_gap_is_stable_up_to_where_theory_puts_it(method):
     case = replace(CASES["E3c"], make=lambda d: chatter(d, method))
@@ -88,6 +91,7 @@ def test_large_windows_come_to_rest_without_a_cycle(method, dt):
     assert list(two_cycles([state.now, *(w.solved.state.now for w in tried)])) == []
 
 
+@pytest.mark.few("1-0.005")
 @pytest.mark.parametrize(("dt", "left"), list(zip(E3C["dt"], E3C["midpoint_left"], strict=True)))
 def test_the_midpoint_rule_itself_rings_there(dt, left):
     """The page does not tell its start: this one is as far off as to leave 1.5 at the largest window."""

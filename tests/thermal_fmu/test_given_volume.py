@@ -68,6 +68,7 @@ def course(half, steps=4, h=0.5, moved=1e-4):
     return np.array(found), out
 
 
+@pytest.mark.few("midpoint", "backward_euler")
 @pytest.mark.parametrize("method", ["midpoint", "sdirk2", "backward_euler"])
 def test_it_gives_the_temperatures_of_the_half_it_is_put_into(method, tmp_path, monkeypatch):
     own, given = pair_of_halves(tmp_path, monkeypatch, Quads(), **{"thermal.method": method})
@@ -82,6 +83,7 @@ def test_it_gives_the_temperatures_of_the_half_it_is_put_into(method, tmp_path, 
         assert out[name] == pytest.approx(out_own[name], abs=1e-6 * abs(out_own["heat.stored.upper"])), name
 
 
+@pytest.mark.slow
 def test_where_conductivity_varies_it_is_the_same_too(tmp_path, monkeypatch):
     varies = {"materials.steel.k": {"T": [250, 600], "value": [20, 60]},
               "materials.steel.c": {"T": [250, 600], "value": [400, 700]}}

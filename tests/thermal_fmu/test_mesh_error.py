@@ -70,12 +70,14 @@ def test_a_half_space(how, t):
     assert 0.36 * true < number < 1.95 * true
 
 
+@pytest.mark.few("T")
 @pytest.mark.parametrize("how", [hot(), FLUX, film(1.0)], ids=["T", "flux", "Bi=1"])
 def test_triangles_say_as_much(how):
     for t in (0.3, 3.0):
         assert told(wall(how, t, triangles=True)) == pytest.approx(told(wall(how, t)), rel=0.3)
 
 
+@pytest.mark.few("T")
 @pytest.mark.parametrize("how", [hot(), film(10.0)], ids=["T", "Bi=10"])
 def test_steps_do_not_matter_as_long_as_they_resolve_the_heat(how):
     """A jump makes flux without bound in a short step."""

@@ -74,7 +74,8 @@ def honesty(method, h, damped=False):
     return estimate / float(np.abs(exact - done.s).max())
 
 
-@pytest.mark.parametrize("h", [0.2, 0.05, 0.0125])
+@pytest.mark.parametrize("h", [pytest.param(0.2, marks=pytest.mark.slow), 0.05,
+                               pytest.param(0.0125, marks=pytest.mark.slow)])
 @pytest.mark.parametrize("name", ["midpoint", "sdirk2", "backward_euler", "theta"])
 def test_the_estimate_is_honest(name, h):
     """Within a factor of 1.8 of the true local error, h from a third of the slowest scale down."""
@@ -95,6 +96,7 @@ def fine_end():
     return run(mesh, model, np.diff(ends), t_N=pressed(mesh)).T[-1]
 
 
+@pytest.mark.few("sdirk2")
 @pytest.mark.parametrize("method", ["midpoint", "sdirk2"])
 def test_a_tighter_tolerance_is_a_smaller_error(method):
     """Errors at the end of a run fall with the tolerance and stay near it; the balance closes."""

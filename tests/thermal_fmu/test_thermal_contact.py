@@ -71,6 +71,7 @@ def test_d1_bars_in_series(link, geometry):
     assert ran.outputs[-1]["heat.gap.slave"] == 0.0
 
 
+@pytest.mark.few("service")
 def test_d2_two_half_spaces(link):
     """Graded bars of .6 and .4 m, dt grown by 4 % from 2 ms: surface temperatures and flux within 2e-3."""
     case = EXPECTED["D2"]
@@ -200,6 +201,7 @@ def test_factors_switch_branches(link):
     assert ran.imbalance() < EXPECTED["A16"]["tolerance"]
 
 
+@pytest.mark.few("service")
 def test_balance_over_a_long_slide(link):
     """200 substeps with pieces changing at every one: the ledger of the run closes, one solve each.
 

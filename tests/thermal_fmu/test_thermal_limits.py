@@ -54,6 +54,7 @@ def bars(h: float, scheme: str | None) -> np.ndarray:
     return found.T[np.array([level.t for level in found.levels]) > 50.5, surface]
 
 
+@pytest.mark.few("None-100000.0", "staggered-1000000.0", "iterated-1000000.0")
 @pytest.mark.parametrize("h", [1e5, 1e6])
 @pytest.mark.parametrize("scheme", [None, "staggered", "extrapolated", "iterated", "auto"])
 def test_contact_that_closes_in_a_run_does_not_ring(h: float, scheme: str | None) -> None:
@@ -76,6 +77,7 @@ def plate(boundary: list[dict[str, Any]], dt: float, n: int = 20, method: str | 
                  p={"patch": [[0, 0], [0.01, 0], [0.01, 0.01], [0, 0.01]], "cells": list(cells)}).T
 
 
+@pytest.mark.few("midpoint-1.0", "midpoint-0.01", "sdirk2-0.001", "backward_euler-0.1")
 @pytest.mark.parametrize("dt", [1.0, 0.1, 0.01, 0.001])
 @pytest.mark.parametrize("method", ["midpoint", "sdirk2", "backward_euler"])
 def test_short_windows_beside_a_jump_do_not_undershoot(dt: float, method: str) -> None:
@@ -98,6 +100,7 @@ def test_short_windows_of_a_body_that_radiates_go_through() -> None:
     assert T.min() >= 300.0 - 1e-9
 
 
+@pytest.mark.few("1.0-100.0")
 @pytest.mark.parametrize("Bi", [1.0, 100.0])
 @pytest.mark.parametrize("dt", [1.0, 0.01])
 def test_films_of_any_biot_number_stay_within(Bi: float, dt: float) -> None:
@@ -106,6 +109,7 @@ def test_films_of_any_biot_number_stay_within(Bi: float, dt: float) -> None:
     assert T.max() <= 800.0 + 1e-6 * 500
 
 
+@pytest.mark.few("cells2", "cells3")
 @pytest.mark.parametrize("cells", [(4, 16), (4, 40), (16, 4), (8, 8)])
 def test_stretched_cells_stay_within(cells: tuple[int, int]) -> None:
     """A jump along the surface: 1.7 K below 300 K before, by backward Euler at aspect 4 and 10."""

@@ -55,6 +55,7 @@ def stays(ran: Ran, low: float = 0.0, high: float = 1.0) -> None:
     assert ran.imbalance() < 1e-10
 
 
+@pytest.mark.few("0-axisymmetric-midpoint", "1-plane-sdirk2", "3-plane-backward_euler", "3-axisymmetric-sdirk2")
 @pytest.mark.parametrize("method", ["backward_euler", "midpoint", "sdirk2"])
 @pytest.mark.parametrize("geometry", ["plane", "axisymmetric"])
 @pytest.mark.parametrize("seed", range(4))
@@ -75,11 +76,13 @@ def test_steady_states_stay_within_their_data() -> None:
         stays(stepped(blocks(seed), skewed(0.8, 50.0), 1.0, 1, 1e3, boundary, method="steady"))
 
 
+@pytest.mark.slow
 def test_nothing_creeps_out_over_many_steps() -> None:
     """What one step leaves by the next one takes for its data: 40 K of 100 in 50 s before."""
     stays(stepped(blocks(2, ((4, 3), (5, 3))), skewed(0.7, 30.0), 1e-4, 400, 1e3))
 
 
+@pytest.mark.few("6-backward_euler-6.1e-05-k1-1.5")
 @pytest.mark.parametrize(("seed", "method", "dt", "k", "h"), [
     (13, "backward_euler", 1.7e-4, skewed(2.8, 11.0), 0.24), (6, "backward_euler", 6.1e-5, skewed(0.0086, 4.1), 1.5),
     (18, "midpoint", 1.6e-4, skewed(0.86, 25.0), 85.0), (4, "sdirk2", 3.1e-5, skewed(0.19, 17.0), 4.6)])
@@ -92,6 +95,7 @@ def test_what_a_step_leaves_is_left_once(seed: int, method: str, dt: float, k: A
 COOLING = {"t": [0.0, 0.4, 0.5], "value": [0.0, 1.0, 0.5]}  # in parts of a run
 
 
+@pytest.mark.few("sdirk2-0.0027-k2-150.0")
 @pytest.mark.parametrize(("method", "dt", "k", "h"), [
     ("midpoint", 5.8e-3, skewed(0.5, 304.0), 7e3), ("midpoint", 5.6e-3, skewed(1.0, 41.0), 2.8e3),
     ("sdirk2", 2.7e-3, skewed(2.0, 144.0), 150.0), ("backward_euler", 7e-4, skewed(2.5, 157.0), 210.0)])
@@ -127,6 +131,7 @@ def test_within_all_that_was_nothing_is_taken_off(method: str, dt: float, k: Any
     assert beyond_start >= 5
 
 
+@pytest.mark.few("0-damped quarters", "1-damped quarters", "1-inner steps")
 @pytest.mark.parametrize("more", [{}, {"adaptive": {"tolerance": 0.01}}], ids=["damped quarters", "inner steps"])
 @pytest.mark.parametrize("seed", range(2))
 def test_what_was_within_a_substep_is_a_datum_of_its_rest(seed: int, more: dict[str, Any],
@@ -193,6 +198,7 @@ def test_a_source_keeps_its_peak() -> None:
     assert ran.outputs[-1]["iterations"] == 1.0
 
 
+@pytest.mark.slow
 def test_adaptive_steps_do_not_see_an_error_in_what_is_taken_off() -> None:
     """48 inner steps, 40 without any correction; 218 where the flows they are compared with have wrong signs."""
     boundary = [{"on": "a.right", "convection": {"h": 1e5, "T": 1.0}}, {"on": "b.bottom", "temperature": 0.0}]

@@ -107,7 +107,7 @@ def test_a9_no_step_loses_latent_heat(dt, method, geometry):
 
 @pytest.mark.parametrize("latent", [PURE, MUSHY, WIDE], ids=["pure", "mushy", "wide"])
 @pytest.mark.parametrize(("T0", "wall"), [(940.0, 293.15), (500.0, 1500.0)], ids=["freezes", "melts"])
-@pytest.mark.parametrize("triangles", [False, True])
+@pytest.mark.parametrize("triangles", [pytest.param(False, marks=pytest.mark.slow), True])
 def test_a_slab_that_changes_phase_in_one_step_converges(triangles, T0, wall, latent):
     """400 s at once, 40 cells of 5 mm or a triangulated square: both fronts end inside or past the slab."""
     box = Box(0, 0.2, 0, 0.1, 12, 6, triangles=True) if triangles else Box(0, 0.2, 0, 0.01, 40)

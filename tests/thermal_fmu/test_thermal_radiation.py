@@ -46,6 +46,7 @@ def lumped(boundary, T0, refine):
     return ran.T[[np.argmin(abs(ran.t - t)) for t in EXPECTED["A10"]["t"]]].mean(axis=1)
 
 
+@pytest.mark.few("300.0-to_300")
 @pytest.mark.parametrize(("T_inf", "key"), [(0.0, "to_0"), (300.0, "to_300")])
 def test_a10_a_body_cools_by_radiation(T_inf, key):
     """Second order in dt, 2e-2 K with steps of 4 to 20 s, and 4e-4 K where both step sizes are combined."""

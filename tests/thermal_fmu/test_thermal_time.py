@@ -29,6 +29,7 @@ def heisler(Bi, n, dt, Fo):
     return [[(at(ran, t, x, bar) - 300.0) / 100.0 for x in (0.0, 1.0)] for t in Fo]
 
 
+@pytest.mark.few("10")
 @pytest.mark.parametrize("Bi", [1, 10])
 def test_a1_convective_slab(Bi):
     """1e-3 with 20 elements (the page's tolerance), and second order as h and dt are halved together."""
@@ -130,6 +131,7 @@ def cooled(method, n):
     return run(bar, model, 0.4 / n, n).T[-1]
 
 
+@pytest.mark.few("sdirk2-2.0", "backward_euler-1.0")
 @pytest.mark.parametrize(("method", "expected"), [("midpoint", 2.0), ("sdirk2", 2.0), ("backward_euler", 1.0)])
 def test_a12_order_with_temperature_dependent_conduction_and_film(method, expected):
     """Coefficients taken at the start of a step would give order 1."""
@@ -147,6 +149,7 @@ def lumped(method, steps):
     return [abs(float(run(cell, model, 1.0 / n, n).T[-1].mean()) - exact) for n in steps]
 
 
+@pytest.mark.few("midpoint")
 @pytest.mark.parametrize("method", ["midpoint", "sdirk2"])
 def test_a12_nonlinear_decay(method):
     """The start is damped, which costs a constant, not an order."""
@@ -167,6 +170,7 @@ def test_a18_thermal_shock(method):
         assert np.abs(np.subtract([at(ran, t, x, bar) for t in case["t"]], expected)).max() < 0.05
 
 
+@pytest.mark.slow
 def test_a18_damped_restart_keeps_second_order():
     """A shock at t = 0, errors against the same mesh solved finely: order 2 though the start is damped."""
     bar = scene(Box(0, 1, 0, 1, 20))

@@ -167,7 +167,10 @@ def holds(case: str, length: float, scheme: str) -> None:
     assert off <= SHORT.get((case, length), ACCURACY) * (high - low)
 
 
-# Each case at two of three lengths, in turn; all at all, by any scheme, are the slow test below.
+# Each case at two of three lengths, in turn; all at all, by any scheme, are the test below.
+@pytest.mark.few(
+    "bars meet, h 1e6-0.001", "a rule sets a load-1000.0", "radiation-0.001", "contact of Bi 1e4, other nodes-1000.0",
+    "cylinders 1:2, slave inside-0.001")
 @pytest.mark.parametrize(("case", "length"), [(case, (1e-3, 1.0, 1e3)[(i + k) % 3])
                                               for i, case in enumerate(FEW) for k in (0, 1)])
 def test_windows_of_any_length(case: str, length: float) -> None:
@@ -213,6 +216,7 @@ def refined(Bi: float) -> Story:
     return story(scene, CELL**2 / A, 2 * WINDOWS, "extrapolated")
 
 
+@pytest.mark.few("100.0-cells2-True", "1000.0-cells6-False", "10000.0-cells11-False", "10000.0-cells13-True")
 @pytest.mark.parametrize(("Bi", "cells", "swap"), JOINTS)
 def test_a_contact_that_conducts_much_is_as_right_as_its_mesh(Bi: float, cells: tuple[int, int], swap: bool) -> None:
     scene = blocks(Bi, cells[1])
