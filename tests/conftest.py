@@ -43,14 +43,18 @@ FAST = {
         lumped thermal_anisotropy thermal_entropy thermal_fields thermal_friction thermal_caches thermal_newton
         thermal_nonlinear thermal_rod thermal_space thermal_steady""",
 }
-# The files with more than 20 s of CPU, the longest first.
+# The files with more than 20 s by default, the longest of a folder first.
 LONG = {
-    ".": """
-        docs notebooks""",
     "coupler": """
-        several plain_run spare agreement hosts friction_order c_halves resume""",
+        cli fmi hosts scheme_table report resume plain_run processes ssp agreement several""",
     "scenarios": """
-        calculix_runs contact_two_way trusted""",
+        advise aluminium_can""",
+    "mechanical_fmu": """
+        passing""",
+    "random_scenes": """
+        invariants_frame""",
+    "thermal_fmu": """
+        thermal_monotone""",
 }
 
 

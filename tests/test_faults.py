@@ -30,14 +30,29 @@ def area(a, b):
 
 
 @functools.cache
-def meaning_of(source):
-    return ast.dump(ast.parse(source))
+def statements_of(source):
+    """The first and last line (from 1) of each statement of a module, decorators and all."""
+    return [(min([node.lineno, *(d.lineno for d in getattr(node, "decorator_list", []))]), node.end_lineno)
+            for node in ast.parse(source).body]
+
+
+@functools.cache
+def meaning_of(text):
+    return ast.dump(ast.parse(text))
+
+
+def changes(fault, source):
+    """Whether the statements that a fault is planted in mean something else by it: a whole file takes long to parse."""
+    around = [(first, last) for first, last in statements_of(source) if first <= fault.line <= last]
+    first, last = min(first for first, _ in around), max(last for _, last in around)
+    old, new = ("\n".join(text.split("\n")[first - 1:last]) for text in (source, fault.planted(source)))
+    return ast.dump(ast.parse(new)) != meaning_of(old)
 
 
 def problems_of(fault, source):
     """What keeps a fault from being planted and noticed, in words."""
     try:
-        if ast.dump(ast.parse(fault.planted(source))) == meaning_of(source):
+        if not changes(fault, source):
             yield "changes nothing"
         elif names := faults.undefined_by(fault, source):
             yield f"uses {', '.join(names)}, which nothing defines"

@@ -73,6 +73,7 @@ def when_there(flag: Path, then: Callable[[], object]) -> threading.Thread:
     return thread
 
 
+@pytest.mark.slow
 def test_a_service_killed_in_a_traction_and_started_anew_gives_the_same_bits(tmp_path):
     first, endpoint = service(tmp_path / "flag")
     others = []

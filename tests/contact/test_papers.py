@@ -147,6 +147,7 @@ def test_what_is_installed_while_the_program_runs_is_found(tmp_path: Path, monke
     assert installed()["late_half"] == ["late-half"]
 
 
+@pytest.mark.few("thermal_fmu.half")
 @pytest.mark.parametrize("half", ["thermal_fmu.half", "mechanical_fmu.elastic_half"])
 def test_what_few_scenes_need_is_imported_by_those(half: str) -> None:
     """Curves through tables take 0.15 s to import, in each process and each build."""

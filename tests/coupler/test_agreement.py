@@ -55,18 +55,15 @@ def bench_of(wrong: Wrong) -> Bench:
 
 
 @pytest.mark.few(
-    "thermal: conductivity twice too large", "thermal: density left out", "thermal: radiation left out",
-    "thermal: radiation by degrees Celsius", "thermal: a film left out on one edge",
-    "thermal: a flux with the other sign", "thermal: a source left out",
-    "thermal: a prescribed temperature that stays", "thermal: radiation across the gap left out",
-    "thermal: the gap taken as half as wide", "thermal: latent heat left out",
-    "thermal: heat capacity at the first temperature alone", "thermal: pressure not heard",
-    "thermal: mechanical heat not heard", "thermal: no turn around the axis",
+    "thermal: conductivity twice too large", "thermal: density left out", "thermal: latent heat left out",
+    "thermal: radiation left out", "thermal: a film left out on one edge", "thermal: a flux with the other sign",
+    "thermal: a source left out", "thermal: a prescribed temperature that stays",
+    "thermal: radiation across the gap left out", "thermal: the gap taken as half as wide",
+    "thermal: pressure not heard", "thermal: mechanical heat not heard", "thermal: no turn around the axis",
     "mechanical: stiffness a third too large", "mechanical: Poisson's number halved",
     "mechanical: plane stress for plane strain", "mechanical: expansion a quarter too large",
-    "mechanical: expansion from another temperature", "mechanical: weight left out",
-    "mechanical: a pressure along x in place of the normal", "mechanical: a traction left out",
-    "mechanical: temperatures not heard", "mechanical: no turn around the axis")
+    "mechanical: weight left out", "mechanical: a pressure along x in place of the normal",
+    "mechanical: a traction left out", "mechanical: temperatures not heard", "mechanical: no turn around the axis")
 @pytest.mark.parametrize("name", FAULTS)
 def test_a_wrong_law_is_named(name: str) -> None:
     finding = agrees(bench_of(FAULTS[name]), AGREES)

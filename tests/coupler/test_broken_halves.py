@@ -87,7 +87,7 @@ def test_a_run_names_it(name: str, built: Built, tmp_path: Path, monkeypatch: py
 
 # A plain run names the others by the same checks and the same rows (test_plain_run.py). An FMU of ours that is not
 # finite discards, which another row finds; one that counts is the example of what shows late.
-@pytest.mark.few("counts its substeps")
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["not a number", "counts its substeps"])
 def test_verify_half_names_it(name: str, built: Built) -> None:
     case = CASES[name]
@@ -98,7 +98,7 @@ def test_verify_half_names_it(name: str, built: Built) -> None:
     assert findings[case.check].remedy
 
 
-@pytest.mark.few("thermal-free-unasked1", "mechanical-pressed-unasked2")
+@pytest.mark.few("mechanical-pressed-unasked2")
 @pytest.mark.parametrize(("role", "scene", "unasked"), [
     ("thermal", "pressed", {"answers to a gap"}), ("thermal", "free", set()),
     ("mechanical", "pressed", {"expands freely", "moves rigidly", "nodes in order"}),

@@ -87,6 +87,7 @@ def test_it_ends_when_nothing_is_asked(rigid, tmp_path, monkeypatch):
     assert server._process.wait(30.0) == 0
 
 
+@pytest.mark.slow
 def test_what_a_build_had_to_import_the_next_ones_have(tmp_path):
     """A table of a property: its class takes half of the time of a build to import."""
     def has_it(server: builders._Server) -> bool:

@@ -86,8 +86,8 @@ def found(fmu: Path, scenario: Scenario, scratch: Path) -> dict[str, Any]:
 
 # Each in one version of FMI here, and by a plain run in the other (test_plain_run.py).
 @pytest.mark.few(
-    "discards-3", "crashes-2", "exits-3", "hangs-2", "degrees Celsius-3", "hidden state-2", "keeps its own time-3",
-    "millimetres-2", "displacements-3")
+    "exits-3", "hangs-2", "degrees Celsius-3", "hidden state-2", "keeps its own time-3", "millimetres-2",
+    "displacements-3")
 @pytest.mark.parametrize(("name", "fmi"), [(name, 3 - k % 2) for k, name in enumerate(WRONG)])
 def test_verify_half_names_it(name: str, fmi: int, scene: Path, tmp_path: Path) -> None:
     case, scenario = WRONG[name], load_scenario(scene, overrides=ALL_AT_20)
@@ -98,7 +98,7 @@ def test_verify_half_names_it(name: str, fmi: int, scene: Path, tmp_path: Path) 
 
 
 # Each in one version of FMI, a crash in both.
-@pytest.mark.few("discards-2", "not a number-3")
+@pytest.mark.few("discards-2")
 @pytest.mark.parametrize(("name", "fmi"), [*((name, 2 + k % 2) for k, name in enumerate(WRONG) if WRONG[name].run),
                                            ("crashes", 2)])
 def test_a_run_names_it(name: str, fmi: int, scene: Path, tmp_path: Path) -> None:
@@ -126,7 +126,7 @@ def test_an_array_of_another_type_is_named(type_: str, kind: str, scene: Path, t
             out=tmp_path / "run.h5", verify="never")
 
 
-@pytest.mark.few("3")
+@pytest.mark.slow
 @pytest.mark.parametrize("fmi", [2, 3])
 def test_one_that_is_right_in_degrees_celsius_passes_and_runs(fmi: int, scene: Path, tmp_path: Path) -> None:
     """Its description says degC, so the border makes kelvin of it; without a state it is told what that costs."""

@@ -159,6 +159,7 @@ def test_told_is_the_true_error_within_a_factor_of_two(tmp_path, scheme, order):
     assert 0.5 < found.error[-1] / true < 2.0
 
 
+@pytest.mark.slow
 def test_they_are_in_the_results_the_trust_table_and_the_report(tmp_path):
     s = scene(rod(0.02, "staggered"))
     out = tmp_path / "run.h5"

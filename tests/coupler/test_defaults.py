@@ -85,6 +85,7 @@ def test_a_rod_between_open_and_closed_comes_to_rest_and_windows_grow_there(tmp_
     assert (w.thermal_solves + w.mechanical_solves)[w.t > 5.0].sum() < 100, "95 s of nothing: 8782 calls, once"
 
 
+@pytest.mark.slow
 def test_two_rods_swing_as_they_should(tmp_path):
     """Between 20.33 and 48.86 K, by own finite differences; listed windows of 0.05 s take 2400 solves to 60 s."""
     results = run(unsaid(two_rods(1.0, end=60.0)), tmp_path / "run.h5")

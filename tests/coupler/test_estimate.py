@@ -351,7 +351,7 @@ def test_windows_find_their_size(scheme: Scheme) -> None:
     assert all(w.error is not None and w.error.error <= 1.0 for w in many if w.accepted)
 
 
-@pytest.mark.few("Scheme.EXTRAPOLATED")
+@pytest.mark.slow
 @pytest.mark.parametrize("scheme", [Scheme.STAGGERED, Scheme.EXTRAPOLATED])
 def test_heat_that_comes_late_is_no_error_of_every_window(scheme, monkeypatch):
     """Heat made at one power: windows need be a sixth in number.  The solve it takes is counted, once there is heat."""

@@ -129,6 +129,7 @@ for data in (Path(sys.argv[2]).read_bytes(), b"nonsense"):
     assert len(out.splitlines()) == 2
 
 
+@pytest.mark.slow
 def test_fifty_rejected_steps_leave_a_healthy_process(fmu):
     run("""
 h = begun(sys.argv[1])
@@ -148,7 +149,7 @@ assert abs(b.outputs["T"] - 400.0).max() < 25
 """, fmu)
 
 
-@pytest.mark.few("3-SystemExit", "5-read-only")
+@pytest.mark.few("5-read-only")
 @pytest.mark.parametrize(("kind", "words"), [(1, "RuntimeError: a bug"), (3, "SystemExit"), (5, "read-only")])
 def test_exceptions_of_a_half_are_errors_with_its_traceback(fmu, kind, words):
     out = run("""

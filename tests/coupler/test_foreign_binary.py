@@ -60,6 +60,7 @@ def test_one_that_behaves_runs_to_the_end(tmp_path: Path, monkeypatch: pytest.Mo
 
 # The last one: where it fails it takes pytest with it, and that ends with 0.
 
+@pytest.mark.slow
 def test_one_that_ends_its_process_with_0_fails_the_run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("PYTHONPATH", str(HALVES))
     fmu = toy_of_the_bars(tmp_path, "by another", ends="exit")

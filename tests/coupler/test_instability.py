@@ -228,6 +228,7 @@ def test_the_rod_that_conducts_by_gap_and_pressure_comes_to_rest(tmp_path, size)
         assert stability.NAME in {c.name for c in found.broken}, "windows went wrong before it was seen"
 
 
+@pytest.mark.slow
 def test_a_cycle_is_found_wherever_in_it_a_measurement_falls(tmp_path):
     """Of the windows of a cycle of three one feeds back by rho 1.05, the others by 0 and 0.04: shut, and wide open."""
     found = ran(two_sided_rod(0.15, 20.0), tmp_path)

@@ -146,6 +146,7 @@ def test_what_cannot_be_changed_is_named(changes: dict[str, Any], named: str, un
     assert unchanged._at.control.settings is settings
 
 
+@pytest.mark.slow
 def test_windows_of_their_own_size_are_recorded_with_reason_error_and_scheme(tmp_path: Path) -> None:
     scenario = casting(**{"coupling.adaptive": {"first": 0.02, "most": 0.3}, "coupling.scheme": "iterated"})
     results = run(scenario, tmp_path / "run.h5")

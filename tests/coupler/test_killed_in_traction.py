@@ -112,6 +112,7 @@ def test_a_service_killed_in_a_traction_ends_the_run_by_name(tmp_path):
     assert results.totals["contact"] == {}
 
 
+@pytest.mark.slow
 def test_a_coupler_killed_in_a_traction_leaves_nobody(tmp_path):
     with program(tmp_path, 8, "coupler") as coupler:
         assert coupler.stdout is not None

@@ -179,6 +179,7 @@ def test_what_is_never_pressed_has_no_chart_of_pressure(browser: Browser, ran: R
     assert browser.troubles == []
 
 
+@pytest.mark.slow
 @needs_browser
 def test_numbers_beside_an_axis_are_whole_and_clear_of_its_name(browser: Browser, tmp_path: Path) -> None:
     results = write_run(tmp_path / "run.h5", Case(frames=3))

@@ -165,7 +165,7 @@ def course(fmu: Path, kill=lambda p, k: None, **options) -> bytes:
     return b"".join(bits)
 
 
-@pytest.mark.few("mechanical", "thermal+mechanical")
+@pytest.mark.few("mechanical")
 @pytest.mark.parametrize("victims", [("contact",), ("thermal",), ("mechanical",), ("thermal", "mechanical"), ROLES],
                          ids="+".join)
 def test_who_died_while_all_were_at_work_is_started_anew_and_nothing_else_happened(fmu, victims):
@@ -184,6 +184,7 @@ def test_who_died_while_all_were_at_work_is_started_anew_and_nothing_else_happen
     assert len(set(killed)) == 2 * len(victims)
 
 
+@pytest.mark.slow
 def test_two_halves_at_once_take_as_long_as_one(fmu):
     with two(fmu) as p:
         begun = time.perf_counter()

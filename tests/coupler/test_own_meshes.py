@@ -173,6 +173,7 @@ def test_what_the_scene_s_mesh_does_not_hold_is_told_and_breaks_nothing() -> Non
     assert not broken(carried.checks(log, 4.0, own_mesh=True))
 
 
+@pytest.mark.slow
 def test_heat_of_elastic_blocks_follows_the_finer_mesh(tmp_path: Path) -> None:
     """Sliding blocks to the end of pressing: finer heat on coarse bodies is nearer to all fine than all coarse is."""
     low, up = box((0, 0), (0.0762, 0.0762), (12, 12)), box((0, 0.127), (0.0762, 0.0762), (12, 12))
@@ -216,6 +217,7 @@ def test_halves_in_processes_say_the_same(file: Path, tmp_path: Path, other: Res
     assert (there.field("thermal.T")[1] == other.field("thermal.T")[1]).all()
 
 
+@pytest.mark.slow
 def test_several_halves_have_shares_of_it(file: Path, tmp_path: Path, other: Results) -> None:
     several = ran(file, tmp_path / "run.h5", SHORT | {"thermal.meshes": OTHER, "thermal.halves": THREE})
     assert np.abs(several.field("thermal.T")[1] - other.field("thermal.T")[1]).max() < 1e-6

@@ -132,8 +132,8 @@ def checked_here(fmu: Path, scratch: Path, h: float, scene: BorderScene, limit: 
 
 
 @pytest.mark.few(
-    "below absolute zero", "not a number", "ignores h", "random after step 8", "hidden state", "displacements",
-    "renumbered", "pressures that pull", "covered in percent", "counts its substeps", "writes half of its state",
+    "below absolute zero", "not a number", "ignores h", "random after step 8", "displacements", "renumbered",
+    "pressures that pull", "covered in percent", "counts its substeps", "writes half of its state",
     "heat in millijoules", "cells renumbered", "takes kelvin for Celsius", "strains without a cause",
     "presses across a gap", "hears another order", "gaps in millimetres")
 @pytest.mark.parametrize("name", CASES)
@@ -251,6 +251,7 @@ def test_a_half_in_c_is_checked_once(fmi: int, tmp_path: Path, monkeypatch: pyte
     assert "heat warms a body (it takes no E_M)" in row.what
 
 
+@pytest.mark.slow
 def test_a_rod_by_its_path_is_checked_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("SLIDELINE_CACHE", str(tmp_path / "cache"))
     (tmp_path / "s.yaml").write_text(SCENE)

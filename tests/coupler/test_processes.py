@@ -280,7 +280,7 @@ def program(fmu: Path, doing: str) -> Iterator[subprocess.Popen[str]]:
             coupler.kill()
 
 
-@pytest.mark.few("9-step", "15-idle")
+@pytest.mark.few("9-step")
 @pytest.mark.parametrize("doing", ["idle", "step"])
 @pytest.mark.parametrize("how", [signal.SIGINT, signal.SIGKILL, signal.SIGTERM])
 def test_no_orphans_when_the_coupler_is_ended(fmu, how, doing):

@@ -44,7 +44,7 @@ def embedded(fmu: Path, link: str, out: Path) -> bytes:
     return out.read_bytes()
 
 
-@pytest.mark.few("rigid")
+@pytest.mark.slow
 def test_the_same_bits_in_one_process_and_in_three(fmu, tmp_path):
     direct = embedded(fmu, "direct", tmp_path / "direct")
     with processes({"mechanical": fmu}) as p:

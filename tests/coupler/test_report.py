@@ -260,6 +260,7 @@ def test_outline_is_the_boundary_of_both_bodies() -> None:
     assert lengths.sum() == pytest.approx(8 * 0.0762, rel=1e-12)
 
 
+@pytest.mark.slow
 def test_a_caption_speaks_of_breakpoints_only_where_there_are_some(tmp_path: Path) -> None:
     for kinks in ((2500.0,), ()):
         page = Page(render(write_run(tmp_path / f"{len(kinks)}.h5", Case(windows=3, frames=2, kinks=kinks))))
@@ -300,6 +301,7 @@ def test_round_off_of_heat_is_not_told_as_heat(rest: float, said: str, tmp_path:
     assert page_of(Results(tmp_path / "run.h5"), tmp_path).row("friction heat")[1].endswith(said)
 
 
+@pytest.mark.slow
 def test_a_share_has_no_unit_beside_an_axis(tmp_path: Path) -> None:
     assert (named("solid fraction", "1"), named("gap", "mm")) == ("solid fraction", "gap [mm]")
     results = write_run(tmp_path / "run.h5", Case(melts=True))
@@ -307,6 +309,7 @@ def test_a_share_has_no_unit_beside_an_axis(tmp_path: Path) -> None:
     assert "[1]" not in render(results).partition("<script>")[0]
 
 
+@pytest.mark.slow
 def test_planned_windows_are_told_where_they_are_planned(tmp_path: Path) -> None:
     """Of adaptive windows only the ends are known that they must meet."""
     results = write_run(tmp_path / "run.h5")
@@ -315,6 +318,7 @@ def test_planned_windows_are_told_where_they_are_planned(tmp_path: Path) -> None
         assert said in page_of(results, tmp_path).row("coupling")[1]
 
 
+@pytest.mark.slow
 def test_extremes_have_the_unit_that_fits_each(tmp_path: Path) -> None:
     results = write_run(tmp_path / "run.h5")
     results.header["outputs"] = [OutputField("mechanical", "sigma_v", "sigma_v", On.CELLS, (0,), "Pa").to_json()]

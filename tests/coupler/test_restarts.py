@@ -55,7 +55,7 @@ def course(fmu: Path, kill=lambda p, k: None, **options) -> bytes:
     return b"".join(bits)
 
 
-@pytest.mark.few("mechanical", "contact")
+@pytest.mark.few("contact")
 @pytest.mark.parametrize("victim", ROLES)
 def test_who_died_between_two_calls_is_started_anew_and_nothing_else_happened(fmu, victim):
     killed = []

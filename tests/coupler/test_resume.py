@@ -76,6 +76,7 @@ def test_stopped_twice_and_resumed_it_is_the_undisturbed_run(whole: Path, tmp_pa
     assert not stopped_of(out).exists()
 
 
+@pytest.mark.slow
 def test_cut_and_iterated_windows_resume_anywhere(tmp_path: Path) -> None:
     """After every window of those that were cut: what is left of the cut, and what the acceleration keeps, go along."""
     scenario = casting(**ITERATED)
@@ -130,6 +131,7 @@ def test_a_resume_may_change_how_windows_are_solved(tmp_path: Path) -> None:
     assert differences(out, other) == []
 
 
+@pytest.mark.slow
 def test_a_resume_may_bound_adaptive_windows(tmp_path: Path) -> None:
     out = tmp_path / "run.h5"
     before = run(casting(**ADAPTIVE), out, until=0.5).windows
@@ -163,7 +165,7 @@ RULES = [{"name": "often", "when": {"number": {"above": 2}}, "cooldown": 3,
          {"name": "less", "when": {"max_dT": {"above": 2.0}}, "do": [{"retry": {"window": 0.5, "least": 0.02}}]}]
 
 
-@pytest.mark.few("adaptive", "auto")
+@pytest.mark.few("adaptive")
 @pytest.mark.parametrize("more", [ADAPTIVE, AUTO, ADAPTIVE | {"rules": RULES}],
                          ids=["adaptive", "auto", "rules"])
 def test_whatever_control_remembers_goes_along(more: dict[str, object], tmp_path: Path) -> None:
@@ -217,6 +219,7 @@ def test_a_run_that_failed_says_how_to_go_on_and_fails_again(tmp_path: Path) -> 
     assert (before.outcome, len(before.windows)) == ("failed", len(Results(out).windows))
 
 
+@pytest.mark.slow
 def test_a_killed_run_that_was_looked_at_can_still_be_resumed(whole: Path, stopped: Path) -> None:
     os.replace(stopped_of(stopped), journal_of(stopped))
     data = journal_of(stopped).read_bytes()

@@ -7,6 +7,8 @@ import signal
 import sys
 from pathlib import Path
 
+import pytest
+
 from coupler import Results, run
 from coupler.running.resume import resume
 from coupler.scenario import Scenario, load_scenario
@@ -24,6 +26,7 @@ def cut_often() -> Scenario:
     return load_scenario(ROOT / "scenarios/casting_1d.yaml", CUT)
 
 
+@pytest.mark.slow
 def test_a_run_stopped_after_a_rejected_try_has_it_once(tmp_path: Path) -> None:
     whole, out, seen = tmp_path / "whole.h5", tmp_path / "run.h5", []
 

@@ -105,6 +105,7 @@ SWITCH, STOP = [{"set": {"load.heater": 0}}], [{"stop": "hot"}]
 FIXED = {"windows": [{"until": 1000, "size": 40}]}
 
 
+@pytest.mark.few("fixed", "iterated")
 @pytest.mark.parametrize("coupling", [
     {}, FIXED | {"events": {"locate": True}}, FIXED | {"events": {"locate": True}, "scheme": "iterated"}],
     ids=["defaults", "fixed", "iterated"])

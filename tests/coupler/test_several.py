@@ -73,6 +73,7 @@ def test_several_halves_are_one(file: Path, alone, tmp_path: Path, halves, schem
     same(alone(scheme), ran(file, tmp_path / "several.h5", {"coupling.scheme": scheme, "thermal.halves": halves}), 1e5)
 
 
+@pytest.mark.few("steady")
 @pytest.mark.parametrize("method", [pytest.param("backward_euler", marks=pytest.mark.slow), "sdirk2", "steady"])
 def test_with_every_method_in_time(file: Path, tmp_path: Path, method: str) -> None:
     changes = {"thermal.method": method, "coupling.end": 60, "coupling.windows": [{"until": 60, "size": 10}]}
@@ -80,6 +81,7 @@ def test_with_every_method_in_time(file: Path, tmp_path: Path, method: str) -> N
     same(one, ran(file, tmp_path / "several.h5", changes | {"thermal.halves": THREE}), 1e4)
 
 
+@pytest.mark.slow
 def test_windows_that_find_their_own_size(file: Path, tmp_path: Path) -> None:
     text = BLOCKS.replace("  windows: [{until: 80, size: 8}]\n", "").replace("every: 1", "at: [20, 50]")
     own = blocks(tmp_path, text.replace("end: 80", "end: 50"))
@@ -90,6 +92,7 @@ def test_windows_that_find_their_own_size(file: Path, tmp_path: Path) -> None:
     assert np.abs(one.field("thermal.T")[1] - several.field("thermal.T")[1]).max() < 1e-3
 
 
+@pytest.mark.slow
 def test_rods_of_which_one_melts(tmp_path: Path) -> None:
     changes = {"coupling.end": 5, "coupling.windows": [{"until": 5, "size": 0.1}], "output.fields": {"every": 10}}
     halves = {"metal": {"bodies": ["rod"]}, "mould": {"bodies": ["mould"]}}
@@ -176,6 +179,7 @@ def test_a_half_without_neighbours_is_asked_once(file: Path, tmp_path: Path) -> 
     assert np.abs(one.field("thermal.T")[1] - several.field("thermal.T")[1]).max() < 1e-9
 
 
+@pytest.mark.slow
 def test_in_processes_they_give_the_same_bits(file: Path, whole: Path, tmp_path: Path) -> None:
     ran(file, tmp_path / "run.h5", SHORT | {"thermal.halves": TWO}, processes=True)
     assert differences(whole, tmp_path / "run.h5") == []

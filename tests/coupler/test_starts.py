@@ -122,6 +122,7 @@ def test_halves_of_other_packages_are_told_by_the_format(tmp_path):
         "t": 1.0, "x": {"polynomial": [0.0, 1.0]}}]})
 
 
+@pytest.mark.slow
 def test_embedded_codec_and_processes_give_the_same_bits(tmp_path):
     doc = edited(BAR, bodies__bar__T0=PROFILE, coupling__end=6.0, coupling__windows=[{"until": 6.0, "size": 2.0}],
                  mechanical={"half": "elastic", "elastic": {"boundary": [{"on": "bar.left", "u_x": 0, "u_y": 0}]}})

@@ -113,6 +113,7 @@ def test_a_log_on_a_full_disk_ends_no_run(tmp_path, capsys):
     assert capsys.readouterr().err.count("the log cannot be gone on with (No space left on device)") == 1
 
 
+@pytest.mark.slow
 def test_windows_are_counted_as_by_the_run_itself(tmp_path):
     """Those that were rejected beside those of the run, while it goes on and when it is done."""
     out = tmp_path / "run.h5"

@@ -34,7 +34,7 @@ def fmu(tmp_path) -> Path:
     return path
 
 
-@pytest.mark.few("mechanical", "contact")
+@pytest.mark.few("contact")
 @pytest.mark.parametrize("victim", ["thermal", "mechanical", "contact"])
 def test_a_process_stopped_for_a_while_is_waited_for(fmu, victim):
     with two(fmu) as p:
@@ -64,6 +64,7 @@ with two(Path(sys.argv[2])) as p:
 """
 
 
+@pytest.mark.slow
 def test_a_coupler_that_was_stopped_blames_nobody(fmu):
     """Ctrl-Z for 8 s ended two runs of three, with a healthy half to blame."""
     with subprocess.Popen([sys.executable, "-c", COUPLER, str(HERE), str(fmu)], text=True, stdout=subprocess.PIPE,

@@ -222,6 +222,7 @@ def test_a_body_tied_to_a_held_one_is_held(tmp_path: Path) -> None:
                                      "contact.joint.tied": False})
 
 
+@pytest.mark.slow
 def test_a_run_that_starts_from_one_with_ties_goes_on(tmp_path: Path) -> None:
     """Pulled by the first run, held by the second: the pull stays, though the ties' tractions are found anew."""
     solved(tmp_path)

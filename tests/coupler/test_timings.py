@@ -107,6 +107,7 @@ def test_waiting_for_contact_is_counted_also_where_it_fails():
     assert 0.04 <= waits.seconds < 2.0
 
 
+@pytest.mark.few("embedded")
 def test_a_run_tells_where_the_time_of_each_window_went(results):
     w, timings = results.windows, results.timings
     assert timings.dtype.names == tuple(n for n, _ in TIMING_FIELDS)

@@ -103,7 +103,7 @@ coupling: {end: END, windows: [{size: WINDOW, until: END}], scheme: staggered}
 """
 
 
-@pytest.mark.few("2e-06-0.00024-holds")
+@pytest.mark.slow
 @pytest.mark.parametrize(("window", "end", "verdict"), [(2e-3, 0.1, BROKEN), (2e-6, 2.4e-4, HOLDS)])
 def test_a_block_that_hops_down_an_incline_is_not_to_be_trusted(tmp_path: Path, window: float, end: float,
                                                                 verdict: TrustVerdict) -> None:

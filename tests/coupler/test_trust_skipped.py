@@ -59,6 +59,7 @@ def test_a_strip_that_jumps_past_a_coil_is_told(tmp_path):
     assert row(results).number == pytest.approx(4.0, abs=0.05)
 
 
+@pytest.mark.slow
 def test_windows_that_see_the_coil_say_nothing(tmp_path):
     """0.5 mm a window, half of its narrowest part; the rest is round-off."""
     results = strip(tmp_path, 400, {"Q_T": {"terms": [{"t": 2e9, "x": COIL}]}})

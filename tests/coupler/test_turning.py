@@ -63,6 +63,7 @@ def test_heat_and_contact_do_not_feel_a_turn(angle: float, windows: int, scheme:
     assert np.abs(story.x[-1] - turned(still.x[-1], angle)).max() <= 1e-8
 
 
+@pytest.mark.slow
 def test_substeps_and_the_codec_change_nothing() -> None:
     more = {"scheme": "iterated", "substeps": {"mechanical": 3, "thermal": 2}}
     plain, coded, still = (told(scene(angle, 3, link=link, **more))

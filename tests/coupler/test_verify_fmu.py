@@ -33,6 +33,7 @@ print(json.dumps(told))
 """
 
 
+@pytest.mark.slow
 def test_an_fmu_that_leaks_on_restore_is_caught_and_one_that_does_not_passes(tmp_path: Path) -> None:
     good, leaky = str(build(tmp_path / "good")), str(build(tmp_path / "leaky", leak=1e-9))
     told = json.loads(fresh(VERIFY, good, leaky))

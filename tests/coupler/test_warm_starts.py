@@ -234,6 +234,7 @@ def test_a_file_that_keeps_no_end_or_another_one_is_refused(beside):
     assert "first.h5 keeps no end of its mechanics" in str(refusal(beside, after(RIGID_TO_HEAT)))
 
 
+@pytest.mark.slow
 def test_each_body_has_what_its_own_points_remember(tmp_path):
     """Two bodies of one law, whose cells stand in one history."""
     doc = edited(RIGID_TO_HEAT, bodies__plate__material="soft",

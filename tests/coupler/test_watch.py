@@ -48,6 +48,7 @@ def test_a_run_that_goes_on_has_a_page_that_is_renewed_until_it_ends(tmp_path: P
                                                           "run.thermal.vtkhdf"]
 
 
+@pytest.mark.slow
 def test_watching_leaves_the_journal_as_it_is(tmp_path: Path) -> None:
     run = record(tmp_path / "run.h5", Case(windows=3, frames=2, reject=0))
     before = journal_of(tmp_path / "run.h5").read_bytes()
@@ -123,6 +124,7 @@ def test_a_run_is_being_written_until_its_results_file_stands(tmp_path: Path, mo
     assert Results(out).later is None
 
 
+@pytest.mark.slow
 def test_a_journal_that_goes_between_two_looks_is_the_end_of_the_run(tmp_path: Path,
                                                                      monkeypatch: pytest.MonkeyPatch) -> None:
     out, looks = tmp_path / "run.h5", []

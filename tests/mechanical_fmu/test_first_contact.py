@@ -200,6 +200,7 @@ def test_scenes_that_are_held_have_no_such_output():
     assert "work.stabilisation" not in [v.name for v in held.variables]
 
 
+@pytest.mark.slow
 def test_hertz_as_textbooks_state_it():
     """C3: the cylinder rests in one point, as drawn, and a force presses it."""
     expected = EXPECTED["C3"]["steel"]

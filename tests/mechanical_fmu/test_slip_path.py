@@ -79,11 +79,13 @@ def test_steps_that_are_skipped_rub_nothing(story: Story) -> None:
     np.testing.assert_allclose(on_slave(skips, "slip_path")[-1], on_slave(story, "slip_path")[-1], rtol=1e-6)
 
 
+@pytest.mark.slow
 def test_a_turned_scene_slips_alike(story: Story) -> None:
     other = told(turned(dragged(), 90.0).scene)
     np.testing.assert_allclose(on_slave(other, "slip"), on_slave(story, "slip"), rtol=0.0, atol=1e-6 * FAR)
 
 
+@pytest.mark.slow
 def test_either_side_tells_as_much() -> None:
     for scene in (dragged(), sides_swapped(dragged()).scene):
         assert on_slave(told(scene), "slip_path")[-1].mean() == pytest.approx(1.5 * FAR, rel=0.03)

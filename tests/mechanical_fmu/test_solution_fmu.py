@@ -25,6 +25,8 @@ import numpy as np
 from pathlib import Path
 from coupler.fmu.fmi import load_half
 from coupler.fmu.half import Status
+
+pytestmark = pytest.mark.slow
 half = load_half(Path(sys.argv[1]), None, "mechanical")
 script = np.load(sys.argv[2])
 t, T = script["t"], script["T"]

@@ -65,6 +65,7 @@ def test_a_half_that_is_off_every_other_window_is_found(monkeypatch):
     assert any("temperature" in f.what for f in found)
 
 
+@pytest.mark.slow
 def test_an_explicit_exchange_in_long_windows_cycles():
     scene = rod()
     found = CYCLES.check(scene, told(scene), RNG)

@@ -53,8 +53,7 @@ def test_a_scene_by_hand_says_something(name: str) -> None:
 
 
 @pytest.mark.parametrize("law", LAWS)
-@pytest.mark.parametrize("name", [*(pytest.param(n, marks=pytest.mark.slow) for n in ("heat", "pressed")),
-                                  "stack", "disc"])
+@pytest.mark.parametrize("name", [pytest.param(n, marks=() if n == "stack" else pytest.mark.slow) for n in SCENES])
 def test_right_scenes_keep_the_laws(name: str, law: str) -> None:
     scene, story = scene_and_story(name)
     if LAWS[law].applies(scene):

@@ -47,7 +47,7 @@ def solved(monkeypatch) -> list[float]:
     return apart
 
 
-@pytest.mark.few("scene0", "scene2")
+@pytest.mark.few("scene2")
 @pytest.mark.parametrize("scene", [pressed(), at_the_end(pressed()), across_a_film(), at_the_end(across_a_film())])
 def test_iterated_windows_solve_the_one_system(scene, solved):
     assert one_system_laws.ONE_SYSTEM.applies(scene)

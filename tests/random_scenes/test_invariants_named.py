@@ -32,7 +32,7 @@ SCENES = {"plate": PLATE, "rubbing": RUBBING, "corner": corner(1e-4),
 SEEDS = range(3000, 3006)
 
 
-@pytest.mark.few("plate", "corner")
+@pytest.mark.few("plate")
 @pytest.mark.parametrize("scene", SCENES.values(), ids=SCENES)
 def test_right_scenes_add_up_by_name(scene):
     story = told(scene)

@@ -42,6 +42,7 @@ def test_windows_and_cells_are_divided():
     assert halved["tolerance"]["gap"] == {"atol": 5e-8, "rtol": 5e-3}, "those left out are divided too"
 
 
+@pytest.mark.slow
 def test_windows_follow_those_of_a_run_in_equal_pieces():
     story = told(adaptive())
     cut = told(windows_along(adaptive(), story.t, 4))
@@ -63,7 +64,7 @@ def test_moved_meshes_are_not_refined():
 
 
 # The narrowest tolerances, which cost most, by one scheme.
-@pytest.mark.few("staggered")
+@pytest.mark.slow
 @pytest.mark.parametrize(("scheme", "shares"), [("staggered", refine_laws.SHARES), ("iterated", (1, 4))],
                          ids=["staggered", "iterated"])
 def test_errors_are_as_estimated(scheme, shares, monkeypatch):

@@ -28,6 +28,7 @@ def test_fmus_bytes_processes_and_resumed_runs_have_the_same_bits():
     assert found(short) == []
 
 
+@pytest.mark.slow
 def test_what_a_resumed_run_forgets_is_found(monkeypatch):
     """And a bit of T that is another without FMUs."""
     right = Run._continue_from

@@ -103,6 +103,7 @@ def _on(results: Results) -> np.ndarray:
     return np.interp(np.arange(0.0, 6.5, 2.0), t, T)
 
 
+@pytest.mark.slow
 def test_no_time(scene: Path, tmp_path: Path) -> None:
     done = subprocess.run([sys.executable, "-m", "coupler.cli", "advise", str(scene), "-o", str(tmp_path / "a"),
                            "--limit", "1e-3"], capture_output=True, text=True, check=False)
@@ -110,6 +111,7 @@ def test_no_time(scene: Path, tmp_path: Path) -> None:
     assert done.stdout == "no result: time is up\n"
 
 
+@pytest.mark.slow
 def test_a_wrong_wish(scene: Path, tmp_path: Path) -> None:
     done = subprocess.run([sys.executable, "-m", "coupler.cli", "advise", str(scene), "-o", str(tmp_path / "a"),
                            "--for", "T"], capture_output=True, text=True, check=False)

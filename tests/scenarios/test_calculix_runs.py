@@ -129,7 +129,7 @@ def test_in_processes_it_is_the_same_to_the_bit(role: str, folder: Path) -> None
     assert_same_bits(Results(folder / f"{role}.h5"), there)
 
 
-@pytest.mark.few("thermal")
+@pytest.mark.slow
 @pytest.mark.parametrize("role", OF)
 def test_resumed_it_is_the_same_to_the_bit(role: str, folder: Path) -> None:
     out = folder / f"{role}-resumed.h5"

@@ -46,7 +46,7 @@ def test_when_all_is_solid(casting: Results) -> None:
     assert (casting.probe("interface.p")[1] == 0.0).all()
 
 
-@pytest.mark.few("5 s")
+@pytest.mark.slow
 @pytest.mark.parametrize("frozen", CASE["frozen_gap"], ids=lambda case: f"{case['every']:g} s")
 def test_what_a_seldom_exchange_costs(tmp_path: Path, frozen: dict[str, float]) -> None:
     """The gap held through windows, the thermal half in substeps of .1 s: .5 % of the page's numbers."""

@@ -106,7 +106,7 @@ def test_order_of_the_exchange_while_it_freezes(at_20: Run, scheme: Scheme, expe
     assert change < last
 
 
-@pytest.mark.few("Scheme.EXTRAPOLATED-2.0-1.3e-12")
+@pytest.mark.slow
 @pytest.mark.timeout(300)
 @pytest.mark.parametrize(("scheme", "expected", "last"), [
     (Scheme.STAGGERED, 1.0, 8e-10), (Scheme.EXTRAPOLATED, 2.0, 1.3e-12), (Scheme.ITERATED, 2.0, 2.5e-13)])

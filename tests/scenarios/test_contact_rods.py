@@ -90,7 +90,7 @@ def touch(results: Results) -> float:
     return float(t[k - 1] - gap[k - 1] * (t[k - 1] - t[k - 2]) / (gap[k - 1] - gap[k - 2]))
 
 
-@pytest.mark.few("stiff")
+@pytest.mark.slow
 @pytest.mark.parametrize("pair", [{}, {"penalty": 1e12, "augmented": {"tolerance": 1e-4}}], ids=["stiff", "augmented"])
 def test_d13_a_gap_closes(pair: Tree, tmp_path: Path) -> None:
     results = solve(tmp_path, closing(**pair))

@@ -39,6 +39,7 @@ def scene_of(geometry: str, bodies: dict[str, Any], face: dict[str, Any], bounda
         "coupling": {"end": 1, "windows": [{"until": 1, "size": 0.25}]}}
 
 
+@pytest.mark.slow
 def test_rubber_squeezed_by_a_plate(tmp_path: Path) -> None:
     """A nearly incompressible block: p = E/(1 - nu2) d/L.  By the penalty alone of E/h it was a fifth less."""
     E_r, nu, L, d = 1.0e6, 0.4999, 0.05, 1.0e-5

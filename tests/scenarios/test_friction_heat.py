@@ -58,7 +58,7 @@ def test_mu_n_s_becomes_heat(block: Results) -> None:
     assert made[t[1:] > 9.3].max() < 1e-4 * made.max()
 
 
-@pytest.mark.few("False")
+@pytest.mark.slow
 @pytest.mark.parametrize("two_pass", [False, True])
 def test_with_all_defaults_no_more_heat_is_delivered_than_was_made(tmp_path: Path, two_pass: bool) -> None:
     """Heat of friction is handed over before it is made; searched from both sides 0.25 % was never taken back."""

@@ -38,6 +38,7 @@ def test_the_interface_warms_without_a_swing(bars: Results) -> None:
     assert bars.probe("interface.p")[1] == pytest.approx(1e6)
 
 
+@pytest.mark.slow
 def test_an_elastic_half_in_the_place_of_the_rigid_one_says_the_same(tmp_path: Path) -> None:
     """It makes the pressure that the rigid one states.  The two come as near as the scenario's file says."""
     done = CliRunner().invoke(app, ["run", str(ROOT / "scenarios/heated_bars.yaml"), "-o", str(tmp_path / "bars.h5"),

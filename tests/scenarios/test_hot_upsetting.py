@@ -12,7 +12,7 @@ from coupler.record.vtkhdf import FieldReader
 from coupler.report.curves import watched_pictures
 from coupler.report.heat import heat_table
 
-pytestmark = pytest.mark.usefixtures("unlooked")
+pytestmark = [pytest.mark.usefixtures("unlooked"), pytest.mark.slow]
 
 ROOT = Path(__file__).resolve().parents[2]
 COARSE = {"bodies.billet.mesh.rectangle.cells": [8, 12], "bodies.die.mesh.rectangle.cells": [16, 7],

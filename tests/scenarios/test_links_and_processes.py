@@ -42,5 +42,6 @@ def test_embedded_codec_and_processes_give_the_same_bits(tmp_path, mechanical):
     assert_same_bits(embedded, solve(tmp_path, "hosted", **{"mechanical.half": mechanical}, processes=True))
 
 
+@pytest.mark.slow
 def test_a_run_repeats_to_the_bit(tmp_path):
     assert_same_bits(solve(tmp_path, "first"), solve(tmp_path, "second"))

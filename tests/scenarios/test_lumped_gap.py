@@ -61,6 +61,7 @@ def test_iterated_windows_find_it_at_any_size(tmp_path: Path) -> None:
     assert gap[-1] == pytest.approx(E4["g"], rel=1e-4)
 
 
+@pytest.mark.slow
 def test_order_of_the_extrapolated_gap(tmp_path: Path) -> None:
     """E8: midpoint, gap predicted to the middle of a window.
 

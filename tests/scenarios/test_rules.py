@@ -67,6 +67,7 @@ def ruled(folder: Path, *rules: str, **overrides: object) -> Results:
     return solve(folder, BASE + "rules:\n" + "".join(f" - {rule}\n" for rule in rules) if rules else BASE, **overrides)
 
 
+@pytest.mark.slow
 def test_a_window_put_back_leaves_no_trace(tmp_path: Path) -> None:
     """The first window is cut in two by a rule: the same bits as where it was two from the start."""
     cut = ruled(tmp_path / "cut", SOFT)
@@ -162,6 +163,7 @@ def test_which_rules_would_have_fired(tmp_path: Path) -> None:
     assert lines[1:] == [f"  {sentence(would, told)}" for would in (soft, late, enough, cold, falls)]
 
 
+@pytest.mark.slow
 def test_a_resumed_run_goes_on_with_what_its_rules_remember(tmp_path: Path) -> None:
     """Stopped in the middle of three windows in a row, of a rest and of a drive: the same bits as never stopped."""
     rules = (SOFT, HOLD, "{name: three, cooldown: 2, when: {T: {below: 860, for: 3}}, do: [{substeps: {thermal: x2}}]}")

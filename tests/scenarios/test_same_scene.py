@@ -150,7 +150,7 @@ def assert_same(one: Results, other: Results, scale: float = 1.0) -> None:
     np.testing.assert_array_equal(one.windows.touching[settled], other.windows.touching[settled])
 
 
-@pytest.mark.few("mirrored", "in_inches")
+@pytest.mark.few("mirrored")
 @pytest.mark.parametrize("change", [moved, mirrored, turned, in_inches], ids=lambda f: f.__name__)
 def test_a_copy_of_the_scene_is_the_scene(original, change: Callable[[Tree], Tree], tmp_path):
     copied = solve(tmp_path, change(copy.deepcopy(scene())), "elastic")

@@ -10,6 +10,8 @@ import pytest
 from coupler import Results, load_scenario, run
 from coupler.report.comparison import compare, sentence
 
+pytestmark = pytest.mark.slow
+
 SCENE = Path(__file__).resolve().parents[2] / "scenarios/sealed_container_fire.yaml"
 # The fire is out at 1200 s, the air cold at 1260 s, the gap at its widest at 1350 s; what follows is cooling.
 END, OUT = 1440.0, 1200.0
@@ -57,7 +59,6 @@ def test_the_gap_is_what_a_sheet_of_paper_says(coupled: Results) -> None:
         assert at(coupled, "seat.gap", t) == pytest.approx(salt - wall - ROOM, rel=0.1)
 
 
-@pytest.mark.slow
 def test_without_motion_there_is_no_leak_and_heat_takes_another_way(coupled: Results, rigid: Results) -> None:
     assert np.abs(rigid.probe("seat.gap")[1]).max() < 1e-12
     c = compare(coupled, rigid)
@@ -72,7 +73,6 @@ def test_without_motion_there_is_no_leak_and_heat_takes_another_way(coupled: Res
     assert "1.64 mm in gap (seat.gap at vessel at (0.043, 0.1265), t = 13" in told
 
 
-@pytest.mark.slow
 def test_no_heat_is_lost(coupled: Results, rigid: Results) -> None:
     assert coupled.heat_imbalance < 1e-10
     assert rigid.heat_imbalance < 1e-10

@@ -11,6 +11,8 @@ import pytest
 from coupler import Results, load_scenario, run
 from coupler.report.curves import driven_loads, watched_pictures
 
+pytestmark = pytest.mark.slow
+
 ROOT = Path(__file__).resolve().parents[2]
 ROW = tomllib.loads((ROOT / "tests/expected.toml").read_text(encoding="utf-8"))["B14"]
 S_0, GAS, RATE, TOUCH = 2e-3, 1e6, "mechanical.flow_rate.sheet", 300.0

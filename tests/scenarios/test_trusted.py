@@ -1,7 +1,4 @@
-"""Every scenario that is shipped ends as a user expects: completed, and to be trusted.
-
-test_sealed_container_fire.py asks the same by default, in a run that it makes anyway until the gap is at its widest.
-"""
+"""Every scenario that is shipped ends as a user expects: completed, and to be trusted."""
 
 from __future__ import annotations
 

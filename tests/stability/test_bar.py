@@ -61,6 +61,7 @@ def test_the_same_in_a_run_whoever_goes_first(scheme):
     assert (late / early) ** (1 / 40) - 1.0 == pytest.approx(E1["growth"], abs=0.01)
 
 
+@pytest.mark.slow
 def test_the_adiabatic_split_decays_for_ever():
     halves, state = bar(1e-3, (1.0,))
     n = E1["steps"]

@@ -45,6 +45,7 @@ def test_barbers_rod_decays_and_grows_as_its_operator_says(d, l1):
     assert growth_rate(d, l1) == pytest.approx(l1, abs=3e-5)
 
 
+@pytest.mark.slow
 def test_its_onset():
     onset = brentq(growth_rate, 0.99, 1.01, xtol=1e-5)
     assert onset == pytest.approx(E3A["onset"], abs=1e-4)
@@ -72,7 +73,7 @@ def test_the_rest_of_e3c():
     assert e3c_steady() == pytest.approx((E3C["g"], E3C["T_L"]), abs=5e-9)
 
 
-@pytest.mark.few("midpoint")
+@pytest.mark.slow
 @pytest.mark.parametrize("method", ["backward_euler", "midpoint"])
 def test_the_lagged_gap_is_stable_up_to_where_theory_puts_it(method):
     case = replace(CASES["E3c"], make=lambda d: chatter(d, method))
@@ -133,6 +134,7 @@ def test_uncoupled_it_stays_hot():
     assert final.now.T[-1] == pytest.approx(600.0, abs=1e-3)
 
 
+@pytest.mark.slow
 def test_the_rod_that_grows_into_contact():
     """80 cells, sdirk2 in windows of .5 s from the jump at its left end."""
     case = EXPECTED["D13"]

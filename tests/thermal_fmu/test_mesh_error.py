@@ -77,7 +77,7 @@ def test_triangles_say_as_much(how):
         assert told(wall(how, t, triangles=True)) == pytest.approx(told(wall(how, t)), rel=0.3)
 
 
-@pytest.mark.few("T")
+@pytest.mark.slow
 @pytest.mark.parametrize("how", [hot(), film(10.0)], ids=["T", "Bi=10"])
 def test_steps_do_not_matter_as_long_as_they_resolve_the_heat(how):
     """A jump makes flux without bound in a short step."""

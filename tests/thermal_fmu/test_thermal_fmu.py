@@ -18,6 +18,8 @@ HERE = Path(__file__).parent
 sys.path.insert(0, str(HERE))
 from thermal_scenes import EXPECTED  # noqa: E402
 
+pytestmark = pytest.mark.slow
+
 HEAD = "slideline: 2\nunits: {temperature: %s}\ngeometry: plane\n"
 TAIL = "mechanical: {half: rigid}\ncoupling: {end: 1, windows: [{until: 1, size: 1}]}\n"
 
