@@ -224,7 +224,7 @@ def row_of(results: Results) -> Check:
 @pytest.mark.few("thermal=skfem-sets0-left0")
 @pytest.mark.parametrize(("swap", "sets", "left"), [
     # A run of docs/write_a_half.md checks this one, too.
-    ("thermal=skfem", (), ()), pytest.param("thermal=ngsolve", (), (), marks=pytest.mark.slow),
+    ("thermal=skfem", (), ()), ("thermal=ngsolve", (), ()),
     ("mechanical=felupe", (), ("expands freely",))])
 def test_a_half_of_another_package_is_checked_once(swap: str, sets: tuple[str, ...], left: tuple[str, ...],
                                                    installed: None, tmp_path: Path,

@@ -143,7 +143,7 @@ def whole(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("seed", [0, 1, pytest.param(2, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("seed", [0, 1, 2])
 def test_each_role_killed_at_random_moments_gives_the_bits_of_an_undisturbed_run(whole, tmp_path, seed):
     killed = killed_run(whole, tmp_path / "run.h5", seed)
     assert killed.roles

@@ -63,7 +63,7 @@ def same(one: Results, other: Results, least_moved: float) -> None:
 
 
 # Two halves in one scheme more: what a scheme asks of halves does not know how many they are.
-@pytest.mark.few("three-staggered", "three-extrapolated")
+@pytest.mark.few("three-extrapolated")
 @pytest.mark.parametrize(("halves", "scheme"), [
     (TWO, "extrapolated"), (THREE, "staggered"), (THREE, "extrapolated"), (THREE, "iterated"),
     (THREE, "mechanical_first")],
@@ -74,7 +74,7 @@ def test_several_halves_are_one(file: Path, alone, tmp_path: Path, halves, schem
 
 
 @pytest.mark.few("steady")
-@pytest.mark.parametrize("method", [pytest.param("backward_euler", marks=pytest.mark.slow), "sdirk2", "steady"])
+@pytest.mark.parametrize("method", ["backward_euler", "sdirk2", "steady"])
 def test_with_every_method_in_time(file: Path, tmp_path: Path, method: str) -> None:
     changes = {"thermal.method": method, "coupling.end": 60, "coupling.windows": [{"until": 60, "size": 10}]}
     one = ran(file, tmp_path / "one.h5", changes)

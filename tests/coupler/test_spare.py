@@ -98,7 +98,7 @@ def test_a_run_of_few_windows_is_told_how_wrong_it_is(tmp_path, scheme, size, of
 @pytest.mark.few("casting_1d-2.0-0.0-rod.right-0.728")
 @pytest.mark.parametrize(("file", "to", "size", "probe", "off"), [
     ("sealed_container_fire", 2400.0, 30.0, "lid.edge.T", 15.0),
-    pytest.param("sealed_container_fire", 2400.0, 15.0, "lid.edge.T", 5.9, marks=pytest.mark.slow),
+    ("sealed_container_fire", 2400.0, 15.0, "lid.edge.T", 5.9),
     ("casting_1d", 2.0, 0.0, "rod.right", 0.728)])
 def test_what_switches_inside_a_window_is_told_as_wrong_as_it_is(tmp_path, file, to, size, probe, off):
     """A lid that lifts, and a front that passes nodes: off by so many K, against short windows.

@@ -122,6 +122,7 @@ def test_values_to_begin_with_are_those_nobody_else_gives(ssp: Path) -> None:
         assert not {"T", "x", "contact.t_N"} & {name.partition("[")[0] for name in told}
 
 
+@pytest.mark.slow
 def test_a_master_that_knows_the_file_alone_runs_it(ssp: Path) -> None:
     T = temperatures(BY_FMPY, ssp)
     assert T.shape == (NODES,)

@@ -53,7 +53,8 @@ def test_a_jump_into_a_body_is_found_too():
     assert not passing(story)
 
 
-@pytest.mark.parametrize("way", [-0.05, pytest.param(-0.06, marks=pytest.mark.slow)])
+@pytest.mark.few("-0.05")
+@pytest.mark.parametrize("way", [-0.05, -0.06])
 def test_what_no_step_is_small_enough_for_is_refused_by_name(way):
     """50 or 60 mm of the 41 mm there are: crushed so far, either a node goes in unseen or there is no equilibrium."""
     story = told(driven(way, t=4.0, size=4.0))
@@ -88,7 +89,8 @@ def test_never_through_at_any_speed(seed):
         assert any(word in story.message for word in (*REMEDY, "turned inside out", "no equilibrium")), story.message
 
 
-@pytest.mark.parametrize("method", ["newmark", pytest.param("explicit", marks=pytest.mark.slow)])
+@pytest.mark.few("newmark")
+@pytest.mark.parametrize("method", ["newmark", "explicit"])
 def test_a_thrown_body_is_not_thrown_through(method):
     """10 m/s in windows of 1 ms: 10 mm, through a plate of 4 mm."""
     scene = two_blocks(end=3e-3, size=1e-3)

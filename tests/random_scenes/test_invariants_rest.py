@@ -47,6 +47,7 @@ def test_a_body_that_grows_at_its_own_temperature_is_found(monkeypatch):
     assert {f.what.split()[1] for f in found} == {"place", "stress"}
 
 
+@pytest.mark.slow
 def test_a_body_that_hangs_free_has_no_stress():
     scene = two_blocks(gap=1e-3, push=-5e-4)
     assert FREE.applies(scene)
