@@ -152,7 +152,6 @@ def test_check_and_run_tell_it_and_end_with_2(folder: Path) -> None:
     assert not (folder / "no.h5").exists()
 
 
-@pytest.mark.slow
 def test_bindings_stay_where_the_half_is_another_kind(folder: Path) -> None:
     """A swap is one word."""
     scenario = load_scenario(folder / "s.yaml", overrides=overrides() | {"thermal.half": "thermal"})

@@ -58,7 +58,6 @@ def test_check_tells_a_script_the_same(tmp_path):
     assert all(e["message"] and e["remedy"] for e in facts["errors"])
 
 
-@pytest.mark.slow
 def test_a_name_that_list_tells_is_a_scenario(tmp_path):
     done = slideline(tmp_path, "check", "heated_bars")
     assert done.returncode == 0, done.stderr
@@ -205,7 +204,6 @@ def test_flags_take_no_value(tmp_path):
         assert "bool" not in done.stdout
 
 
-@pytest.mark.slow
 def test_bounds_of_a_comparison_are_checked_before_anything_runs(tmp_path):
     """They were left out in silence: without a comparison, and of quantities that nothing has."""
     for arguments, said in ((("--within", "T=1K"), "Add --compare"),

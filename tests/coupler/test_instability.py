@@ -141,7 +141,8 @@ def trusted(tried: list[Tried], case: Case) -> bool:
 SOLVED_ONCE = [Scheme.STAGGERED, Scheme.EXTRAPOLATED, Scheme.PARALLEL]
 
 
-@pytest.mark.parametrize("share", [0.1, 0.3, 1.0, 1.2, 3.0, 10.0, 30.0, 100.0])
+@pytest.mark.parametrize("share", [0.1, 1.0, 1.2, 10.0, 100.0,
+                                   *(pytest.param(s, marks=pytest.mark.slow) for s in (0.3, 3.0, 30.0))])
 @pytest.mark.parametrize("scheme", SOLVED_ONCE)
 @pytest.mark.parametrize("name", ["E3c", "E4"])
 def test_in_windows_of_any_size_the_answer_is_right_or_not_to_be_trusted(name, scheme, share):
