@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int32]
 
-WIRE_VERSION = 9
+WIRE_VERSION = 10
 
 
 @dataclass(frozen=True)
@@ -123,6 +123,7 @@ class Traction:
     mobilised : (n_q,) [1], the shear of slave nodes over p_N then, positive along the edges, the body on the left.
     mobilised_at : (n_h, 3), the same of the points that touched then: the pair node of the slave edge's first end, the
     place xi along the edge [1], and the shear over p_N [1], ascending; None: it is linear between nodes.
+    sticking : share of eps_T [1], above 0, by which points stick; less than 1 on the way to a solution.
     """
 
     surfaces: str
@@ -132,6 +133,7 @@ class Traction:
     multipliers_before: Floats
     mobilised: Floats
     mobilised_at: Floats | None = None
+    sticking: float = 1.0
 
 
 @dataclass(frozen=True)
@@ -186,6 +188,7 @@ class Coupling:
     multipliers_before: Floats
     mobilised: Floats
     mobilised_at: Floats | None = None
+    sticking: float = 1.0
 
 
 @dataclass(frozen=True)

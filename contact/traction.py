@@ -199,7 +199,7 @@ class Asked:
     """The arrays of a request, checked.
 
     x, before : (n_s, 2) [m] now and when the history was noted.  multipliers, multipliers_before : (n_m,) [Pa].
-    history : shear over p_N then.
+    history : shear over p_N then.  sticking : share of eps_T [1].
     """
 
     x: Floats
@@ -207,6 +207,7 @@ class Asked:
     before: Floats
     multipliers_before: Floats
     history: ShearHistory
+    sticking: float
 
 
 def checked_request(surfaces: RegisteredSurfaces, request: Traction | Coupling) -> Asked:
@@ -219,7 +220,10 @@ def checked_request(surfaces: RegisteredSurfaces, request: Traction | Coupling) 
     before = checked_reals("x_before", request.x_before, (n, 2))
     then = checked_reals("multipliers_before", request.multipliers_before, (n_m,))
     history = checked_history(request.mobilised, request.mobilised_at, n_q)
-    return Asked(checked_reals("x", request.x, (n, 2)), multipliers, before, then, history)
+    sticking = checked_reals("sticking", request.sticking, ()).item()
+    if not sticking > 0.0:
+        raise ValueError(f"sticking must be > 0, got {sticking!r}")
+    return Asked(checked_reals("x", request.x, (n, 2)), multipliers, before, then, history, sticking)
 
 
 def evaluated(surfaces: RegisteredSurfaces, request: Traction | Coupling) -> tuple[Asked, Cut, PointStates]:
@@ -229,7 +233,7 @@ def evaluated(surfaces: RegisteredSurfaces, request: Traction | Coupling) -> tup
     is kept, and given again for the same numbers.
     """
     told = [np.asarray(a) for a in (request.x, request.multipliers, request.x_before, request.multipliers_before,
-                                    request.mobilised, request.mobilised_at)]
+                                    request.mobilised, request.mobilised_at, request.sticking)]
     last = surfaces.found.get("evaluated")
     # fault: what was found for another request is given -> if last is not None: | contact/test_coupling
     if last is not None and all(map(np.array_equal, told, last[0])):
@@ -253,7 +257,7 @@ def points_at(surfaces: RegisteredSurfaces, cut: Cut, asked: Asked) -> PointStat
     c[:, OFFSET_1:OFFSET_2 + 1] = surfaces.offsets[cut.number, cut.met[:, 0]]
     shapes = shapes_of(surfaces)
     c[:, RISE_S:RISE_M + 1] = shapes.rise[cut.shape[:, None], cut.met]
-    c[:, EPS_T] = np.where(p.eps_T[cut.number] > 0.0, p.eps_T[cut.number], c[:, EPS_N])
+    c[:, EPS_T] = asked.sticking * np.where(p.eps_T[cut.number] > 0.0, p.eps_T[cut.number], c[:, EPS_N])
     points = PointStates(c, *(np.zeros(n) for _ in range(5)))
     press(cut.values, c, points.doing, points.p_N)
     if p.mu.any():

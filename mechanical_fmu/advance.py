@@ -21,7 +21,8 @@ from mechanical_fmu.loads import driven, pressure_forces
 from mechanical_fmu.newton import Equilibrium, SolverSettings
 from mechanical_fmu.passing import refuse_passing
 from mechanical_fmu.program_step import solve_by_program
-from mechanical_fmu.stabilisation import left_behind, stabilised
+from mechanical_fmu.slipping import slipped
+from mechanical_fmu.stabilisation import left_behind
 from mechanical_fmu.system import ForceBalance, Loading, System
 from mechanical_fmu.tangent import LooseBodyError, StiffnessAnchor
 from mechanical_fmu.volume import CellError, PointStep
@@ -211,8 +212,8 @@ def solved(system: System, u: Floats, loading: Loading, first: ForceBalance, anc
            settings: SolverSettings) -> Equilibrium:
     """Find the equilibrium nearest to `first`, the prediction of a step from u : (n_nodes, 2) [m].
 
-    Where contact alone could hold a body and does not yet, the body is damped until it does.  A body that nothing
-    pushes does not follow what draws back from it.
+    Where contact alone could hold a body and does not yet, what would hold it is looked for (slipping.py).  A body that
+    nothing pushes does not follow what draws back from it.
     Raises PassingError where a body would go through another, and what solve_step does.
     """
     def by_cells(loading: Loading, first: ForceBalance) -> Equilibrium:
@@ -220,7 +221,7 @@ def solved(system: System, u: Floats, loading: Loading, first: ForceBalance, anc
             return solve_step(system, loading, first, anchor, settings)
         except LooseBodyError:
             # fault: first contact under a force refused -> raise | mechanical_fmu/test_first_contact
-            return stabilised(system, loading, first, settings)
+            return slipped(system, loading, first, settings)
 
     found = by_cells(loading, first) if system.program is None else solve_by_program(
         system, system.program, loading, first, by_cells)

@@ -38,20 +38,28 @@ class ContactQuery:
     """Contact tractions at x : (n_nodes, 2) [m], from what contact remembers.  Raises ContactRefusedError.
 
     multipliers : (n_m,) [Pa] of the moment; those of the history are of the start of the step.
+    sticking : share of eps_T [1] by which points stick.
     """
 
     contact: MeshContact
     link: Link
     history: History
     multipliers: Floats
+    sticking: float = 1.0
 
     def __call__(self, x: Floats) -> Tractions:
         """Ask for the contact tractions at x : (n_nodes, 2) [m].  Raises ContactRefusedError."""
-        return self.contact.tractions(self.link, x, self.history, self.multipliers)
+        return self.contact.tractions(self.link, x, self.history, self.multipliers, self.sticking)
 
     def couplings(self, x: Floats) -> Couplings:
         """Ask how contact at x : (n_nodes, 2) [m] answers to its multipliers.  Raises ContactRefusedError."""
-        return self.contact.couplings(self.link, x, self.history, self.multipliers)
+        return self.contact.couplings(self.link, x, self.history, self.multipliers, self.sticking)
+
+    def softened(self, sticking: float, memory: float = 0.0) -> ContactQuery:
+        """Let points stick by a share of eps_T [1] only, with a share of the shear of before [1] to begin with."""
+        at = self.history.mobilised_at * [1.0, 1.0, memory]
+        history = replace(self.history, mobilised=memory * self.history.mobilised, mobilised_at=at)
+        return replace(self, history=history, sticking=sticking)
 
     def with_multipliers(self, multipliers: Floats) -> ContactQuery:
         """Replace the multipliers of contact; multipliers : (n_m,) [Pa]."""
@@ -61,6 +69,15 @@ class ContactQuery:
 def contact_query(system: System, link: Link, history: History) -> Callable[[Floats], Tractions] | None:
     """Make the query of a step; None where nothing can touch."""
     return ContactQuery(system.contact, link, history, history.multipliers) if system.interface.pairs else None
+
+
+def with_found_multipliers(system: System, loading: Loading, balance: ForceBalance) -> Loading:
+    """Return the loading with the multipliers that a balance was found with, where pairs are augmented."""
+    if not isinstance(loading.query, ContactQuery) or balance.tractions is None or not system.spec.augmented:
+        return loading
+    augmented = system.contact.multiplied(system.spec.augmented)
+    return replace(loading, query=loading.query.with_multipliers(np.where(augmented, balance.tractions.multipliers,
+                                                                          0.0)))
 
 
 # Changes (n_m,) [Pa] of the multipliers, and the largest of them all [Pa], not 0: of contact, then of ties.

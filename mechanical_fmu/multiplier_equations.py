@@ -105,7 +105,7 @@ def _fresh(system: System, loading: Loading, balance: ForceBalance, gap: Floats,
     """d and the change of the multipliers over eps : (k,) [m], with today's tangent."""
     balance = with_tangent(system, balance, loading)
     if loading.inertia is None:
-        refuse_loose(system, balance)
+        refuse_loose(system, balance, loading.sticking)
     K = stiffness(system, balance, loading)
     solve = factorise(constrained(system, K), symmetric(system, balance, loading))
     surface, b = system.contact.dofs, right_side(system, balance, K, gap)

@@ -117,7 +117,7 @@ class Modified:
         """Find d : (2 n_nodes,) [m] at a balance; gap : (n_fixed,) [m], d on prescribed components."""
         if self.factor is None or self.slow >= MAX_SLOW_ITERATIONS:
             if self.loading.inertia is None:
-                refuse_loose(self.system, balance)
+                refuse_loose(self.system, balance, self.loading.sticking)
             taken = with_tangent(self.system, balance, self.loading)
             K = stiffness(self.system, taken, self.loading)
             self.factor, self.pairs, self.slow = Factor(self._solver(K, taken), taken), [], 0

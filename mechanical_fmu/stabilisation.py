@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import csr_matrix, diags_array
 
-from mechanical_fmu.enforcement import ContactQuery, solve_step
+from mechanical_fmu.enforcement import solve_step, with_found_multipliers
 from mechanical_fmu.masses import Inertia
 from mechanical_fmu.newton import Equilibrium, NoEquilibriumError, SolverSettings
 from mechanical_fmu.system import ForceBalance, Loading, System
@@ -99,7 +99,7 @@ def stabilised(system: System, loading: Loading, first: ForceBalance, settings: 
         du = (step.balance.u - found.u).ravel()
         # fault: work of the last increment alone -> work = float(du @ (W @ du)) | mechanical_fmu/test_first_contact
         work += float(du @ (W @ du))
-        loading = _with_pressures(system, loading, step.balance)
+        loading = with_found_multipliers(system, loading, step.balance)
         found = system.balance(step.balance.u, loading, True)
         error = float(system.error(found, floor).max())
         # fault: a body that nothing pushes is sent on its way -> if False: | mechanical_fmu/test_first_contact
@@ -140,7 +140,7 @@ def left_behind(system: System, loading: Loading, u: Floats, found: ForceBalance
     least = tolerance * system.floor(loading, tolerance)
     loose = [(body, Z) for body, Z in system.constraints.loose_motions(system.interface.nodes + u)
              if _pressed(system, found, body) <= least[body]]
-    at, loading = found, _with_pressures(system, loading, found) if loose else loading
+    at, loading = found, with_found_multipliers(system, loading, found) if loose else loading
     for body, Z in loose:
         motions = system.constraints.rigid_motions(system.interface.nodes + u, body) @ Z
         way = motions @ np.linalg.lstsq(motions, (at.u - u).ravel(), rcond=None)[0]
@@ -223,11 +223,3 @@ def _flung(system: System, loose: _Loose, du: Floats, ways: Floats) -> bool:
 def _touches(balance: ForceBalance) -> bool:
     return balance.tractions is not None and balance.tractions.n_touching > 0
 
-
-def _with_pressures(system: System, loading: Loading, balance: ForceBalance) -> Loading:
-    """The loading with the multipliers that an increment found, where pairs are augmented."""
-    if not isinstance(loading.query, ContactQuery) or balance.tractions is None or not system.spec.augmented:
-        return loading
-    augmented = system.contact.multiplied(system.spec.augmented)
-    return replace(loading, query=loading.query.with_multipliers(np.where(augmented, balance.tractions.multipliers,
-                                                                          0.0)))

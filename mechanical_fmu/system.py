@@ -58,6 +58,11 @@ class Loading:
     dead: Floats | None = None
     inertia: Inertia | None = None
 
+    @property
+    def sticking(self) -> float:
+        """Return the share of eps_T by which points stick; 1 but on the way to a solution."""
+        return float(getattr(self.query, "sticking", 1.0))
+
 
 @dataclass(frozen=True)
 class ForceBalance:

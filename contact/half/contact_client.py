@@ -98,26 +98,30 @@ class ContactSurfaces:
             raise ContactRefusedError(f"contact does not answer: {_reason(reply)}")
         return reply
 
-    def tractions(self, link: Link, x: Floats, history: History, multipliers: Floats | None = None) -> Tractions:
+    def tractions(self, link: Link, x: Floats, history: History, multipliers: Floats | None = None,
+                  sticking: float = 1.0) -> Tractions:
         """Ask for the contact forces at x : (n_nodes, 2) [m].
 
-        multipliers : (n_m,) [Pa] of the moment, None for those of the history.  Raises ContactRefusedError, LinkError.
+        multipliers : (n_m,) [Pa] of the moment, None for those of the history.  sticking : share of eps_T [1].
+        Raises ContactRefusedError, LinkError.
         """
         at, of_now = self._at_surfaces(x), history.multipliers if multipliers is None else multipliers
         reply = self._ask(link, lambda name: Traction(name, at, of_now, history.x, history.multipliers,
-                                                      history.mobilised, history.mobilised_at))
+                                                      history.mobilised, history.mobilised_at, sticking))
         if not isinstance(reply, Tractions):
             raise ContactRefusedError(f"contact does not answer: {_reason(reply)}")
         return reply
 
-    def couplings(self, link: Link, x: Floats, history: History, multipliers: Floats | None = None) -> Couplings:
+    def couplings(self, link: Link, x: Floats, history: History, multipliers: Floats | None = None,
+                  sticking: float = 1.0) -> Couplings:
         """Ask for residual and derivatives of the multipliers at x : (n_nodes, 2) [m].
 
-        multipliers : (n_m,) [Pa] of the moment, None for those of the history.  Raises ContactRefusedError, LinkError.
+        multipliers : (n_m,) [Pa] of the moment, None for those of the history.  sticking : share of eps_T [1].
+        Raises ContactRefusedError, LinkError.
         """
         at, of_now = self._at_surfaces(x), history.multipliers if multipliers is None else multipliers
         reply = self._ask(link, lambda name: Coupling(name, at, of_now, history.x, history.multipliers,
-                                                      history.mobilised, history.mobilised_at))
+                                                      history.mobilised, history.mobilised_at, sticking))
         if not isinstance(reply, Couplings):
             raise ContactRefusedError(f"contact does not answer: {_reason(reply)}")
         return reply

@@ -73,7 +73,7 @@ def ask(register: Register, x: Floats) -> Facing:
 
 def push(register: Register, x: Floats, multipliers: Floats | None = None, x_before: Floats | None = None,
          mobilised: Floats | None = None, multipliers_before: Floats | None = None,
-         mobilised_at: Floats | None = None) -> Tractions:
+         mobilised_at: Floats | None = None, sticking: float = 1.0) -> Tractions:
     """Tractions of a scene through the service."""
     service = ContactService()
     registered = service.handle(register)
@@ -83,7 +83,7 @@ def push(register: Register, x: Floats, multipliers: Floats | None = None, x_bef
     given = np.zeros(layout.n_multipliers) if multipliers is None else multipliers
     reply = service.handle(Traction(registered.surfaces, x, given, x if x_before is None else x_before,
                                     given if multipliers_before is None else multipliers_before,
-                                    zeros if mobilised is None else mobilised, mobilised_at))
+                                    zeros if mobilised is None else mobilised, mobilised_at, sticking))
     assert isinstance(reply, Tractions), reply
     return reply
 

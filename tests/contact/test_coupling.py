@@ -88,14 +88,15 @@ def test_the_residual_is_what_the_pressures_lack():
 
 
 @pytest.mark.parametrize("change", ["x", "multipliers", "x_before", "multipliers_before", "mobilised", "mobilised_at",
-                                    None])
+                                    "sticking", None])
 def test_an_answer_knows_nothing_of_the_one_before(change):
     """What forces and equations share is kept from request to request: for the same numbers only."""
     register, x = curved(7, 9, gap=-0.03)
     register = replace(register, passes=passes((0, 1), mu=0.2))
     pressed = np.where(push(register, x).multipliers < 0.0, -2e5, 0.0)
     asked = {"x": x, "multipliers": pressed, "x_before": x - [1e-4, 0.0], "multipliers_before": pressed,
-             "mobilised": np.full(len(x), 0.01), "mobilised_at": np.array([[2.0, 0.3, 0.01], [2.0, 0.6, 0.02]])}
+             "mobilised": np.full(len(x), 0.01), "mobilised_at": np.array([[2.0, 0.3, 0.01], [2.0, 0.6, 0.02]]),
+             "sticking": 0.5}
     other = asked if change is None else {**asked, change: asked[change] * 1.001}
     if change == "mobilised_at":
         other[change][:, :2] = asked[change][:, :2]

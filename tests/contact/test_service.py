@@ -57,6 +57,14 @@ def test_wrong_multipliers_are_refused(multipliers: Any) -> None:
     assert "multipliers" in reply.message
 
 
+@pytest.mark.parametrize("sticking", [0.0, -1.0, np.nan, np.inf, "much", None, [1.0, 1.0]])
+def test_a_wrong_share_of_sticking_is_refused(sticking: Any) -> None:
+    service = ContactService()
+    reply = refusal(service, traction(registered(service), X, sticking=sticking))
+    assert reply.code == "bad_request"
+    assert "sticking" in reply.message
+
+
 def test_an_edge_without_length_is_refused_by_number() -> None:
     service = ContactService()
     x = X.copy()

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import sys
-from dataclasses import replace
+from dataclasses import fields, replace
 from pathlib import Path
 
 import numpy as np
@@ -195,6 +195,21 @@ def test_the_stiffness_where_the_master_ended_before(mu: float) -> None:
         K = differences(register, x, np.zeros(len(x)), before, np.zeros(len(x)))
         dense = bsr_matrix((reply.blocks, reply.columns, reply.starts), shape=K.shape).toarray()
         assert np.abs(dense - K).max() <= 1e-9 * np.abs(K).max()
+
+
+@pytest.mark.parametrize("form", FORMS)
+@pytest.mark.parametrize("share", [1e-6, 0.03, 1.0])
+def test_to_stick_by_a_share_is_to_stick_by_a_softer_penalty(form: str, share: float) -> None:
+    register, x = rubbing("curved", form)
+    random = np.random.default_rng(4)
+    mobilised = random.uniform(-0.9, 0.9, len(x)) * MU
+    before = turned(x, 0.02) + 3e-3
+    stated = replace(register, passes=replace(register.passes, eps_T=np.full_like(register.passes.eps_N, share * EPS)))
+    soft, same = push(register, x, None, before, mobilised, sticking=share), push(stated, x, None, before, mobilised)
+    for field in fields(same):
+        told = np.asarray(getattr(same, field.name))
+        most = np.abs(told).max(initial=0.0)
+        np.testing.assert_allclose(getattr(soft, field.name), told, rtol=1e-12, atol=1e-12 * most)
 
 
 def test_what_is_held_at_the_bound_stays_there() -> None:
