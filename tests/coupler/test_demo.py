@@ -15,7 +15,6 @@ from coupler.init.templates import SCENARIO, shipped_scenarios
 from coupler.scenario import load_scenario
 
 
-@pytest.mark.slow
 def test_the_demo_is_to_be_trusted(tmp_path: Path) -> None:
     """A first result that warns of itself teaches nobody.  Its probes stay within 3 K of the scene's own.
 
