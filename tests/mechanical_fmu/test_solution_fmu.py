@@ -15,6 +15,8 @@ from contact.half.interface import Interface, write_interface
 sys.path.insert(0, str(Path(__file__).parent))
 from mechanical_scenes import EXPECTED, NO_CELLS, hold, press, rectangle
 
+pytestmark = pytest.mark.slow
+
 SMALL = 0.01  # of the loads of B1 and B2, whose closed forms are linear
 TUBES = ("b1", "b2_0", "b2_1", "b2_2")
 STEPS = 75  # in each of the three ranges of B12
@@ -25,8 +27,6 @@ import numpy as np
 from pathlib import Path
 from coupler.fmu.fmi import load_half
 from coupler.fmu.half import Status
-
-pytestmark = pytest.mark.slow
 half = load_half(Path(sys.argv[1]), None, "mechanical")
 script = np.load(sys.argv[2])
 t, T = script["t"], script["T"]
