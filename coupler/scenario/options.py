@@ -145,8 +145,9 @@ class Iteration(Part):
     tolerance: Annotated[Tolerances, Entry("when a window agrees")] = Tolerances()
     level: Annotated[Seen, Entry(
         "time within a substep for which the thermal half receives `x` and `t_N`",
+        default="`middle`; `end` with `thermal.method: steady`",
         why="`middle` is of second order; `end` is of first order, and with `backward_euler` or `sdirk2` "
-            "damps windows of any size.")] = Seen.MIDDLE
+            "damps windows of any size. Steady temperatures are those of the end.")] = Seen.MIDDLE
 
     @model_validator(mode="after")
     def _one_relaxes(self) -> Iteration:

@@ -10,7 +10,7 @@ from typing import Any
 
 from coupler.scenario.coupling_schema import CouplingSpec, Windows
 from coupler.scenario.document import Document, Key
-from coupler.scenario.options import Adaptive, Iteration, OnCycle, OnUnstable, Scheme, WindowRange
+from coupler.scenario.options import Adaptive, Iteration, OnCycle, OnUnstable, Scheme, Seen, WindowRange
 from coupler.scenario.schema import OutputSpec
 
 # More windows than this is a misplaced decimal point: a run of days that nobody meant.
@@ -71,11 +71,23 @@ def coupling_of(document: Document, spec: CouplingSpec, models: Mapping[str, Any
     return CouplingOptions(
         spec.scheme, spec.end, windows, kinks, frozenset(kinks) - events, substeps, spec.link,
         # fault: iteration of a scenario not handed on -> Iteration(), adaptive, | coupler/test_scenario_iteration
-        spec.iteration, adaptive,
+        _iteration_of(spec, models), adaptive,
         adaptive is not None or spec.events.branches if spec.events.locate is None else spec.events.locate,
         spec.events.tolerance or 0.0, spec.on_cycle or _on_cycle(spec), spec.stop.steady or 0.0, spec.events.branches,
         spec.on_unstable, {role: s for role, s in vars(spec.deadlines).items() if s is not None},
         spec.restart)
+
+
+def _iteration_of(spec: CouplingSpec, models: Mapping[str, Any]) -> Iteration:
+    """The iteration of a scenario, whose level is the end where temperatures are steady and nobody stated one.
+
+    Without storage T is of the end of its step, and with x of its middle it would lag by half of it.
+    """
+    stated = "level" in spec.iteration.model_fields_set
+    # fault: what is steady is given x of the middle of its step -> if True: | coupler/test_steady_level
+    if stated or models["thermal"].get("method") != "steady":
+        return spec.iteration
+    return spec.iteration.changed(level=Seen.END)
 
 
 def kinks_in(model: Any) -> Iterator[float]:

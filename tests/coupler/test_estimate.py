@@ -364,3 +364,15 @@ def test_heat_that_comes_late_is_no_error_of_every_window(scheme, monkeypatch):
     assert [w.solved.work.mechanical_solves for w in found[:2]] == [3, 4]
     monkeypatch.setattr(spare, "as_whole", lambda *args: None)
     assert len(taken()) > 4 * len(found)
+
+
+@pytest.mark.parametrize("scheme", [Scheme.PARALLEL, Scheme.MECHANICAL_FIRST])
+def test_x_that_comes_late_is_no_error_of_every_window(scheme: Scheme) -> None:
+    """Mechanics that see the T of the start are late by a window, once: 200 windows for 1280, T as right."""
+    def taken(scheme: Scheme) -> list[Tried]:
+        return [w for w in tries(plan_to(200.0, scheme=scheme), mechanical=shrinking(840.0)) if w.accepted]
+
+    found, same = taken(scheme), taken(Scheme.ITERATED)
+    assert len(found) < 6 * len(same)
+    T, other = (w[-1].solved.state.now.T for w in (found, same))
+    assert np.abs(T - other).max() < 0.01
