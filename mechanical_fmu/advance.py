@@ -18,11 +18,11 @@ from mechanical_fmu.heat import at_frozen_entropy
 from mechanical_fmu.impact import with_its_energy
 from mechanical_fmu.laws.law import CREEP, LIQUID, OVERSTRESS
 from mechanical_fmu.loads import driven, pressure_forces
-from mechanical_fmu.newton import Equilibrium, SolverSettings
+from mechanical_fmu.newton import Equilibrium, NoEquilibriumError, SolverSettings
 from mechanical_fmu.passing import refuse_passing
 from mechanical_fmu.program_step import solve_by_program
 from mechanical_fmu.slipping import slipped
-from mechanical_fmu.stabilisation import left_behind
+from mechanical_fmu.stabilisation import SOON, left_behind, stabilised
 from mechanical_fmu.system import ForceBalance, Loading, System
 from mechanical_fmu.tangent import LooseBodyError, StiffnessAnchor
 from mechanical_fmu.volume import CellError, PointStep
@@ -216,12 +216,21 @@ def solved(system: System, u: Floats, loading: Loading, first: ForceBalance, anc
     nothing pushes does not follow what draws back from it.
     Raises PassingError where a body would go through another, and what solve_step does.
     """
+    may_slip = system.can_be_loose and system.contact.slips and loading.inertia is None
+    direct = replace(settings, max_iterations=min(settings.max_iterations, SOON)) if may_slip else settings
+
     def by_cells(loading: Loading, first: ForceBalance) -> Equilibrium:
         try:
-            return solve_step(system, loading, first, anchor, settings)
+            return solve_step(system, loading, first, anchor, direct)
         except LooseBodyError:
             # fault: first contact under a force refused -> raise | mechanical_fmu/test_first_contact
             return slipped(system, loading, first, settings)
+        except NoEquilibriumError:
+            # Newton's method goes round where a body that only contact holds slips on nearly all of it.
+            if not may_slip:
+                raise
+            # fault: a body that goes round is not damped -> raise | mechanical_fmu/test_first_contact
+            return stabilised(system, loading, first, settings)
 
     found = by_cells(loading, first) if system.program is None else solve_by_program(
         system, system.program, loading, first, by_cells)

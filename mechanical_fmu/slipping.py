@@ -34,6 +34,8 @@ SOFTEST, SOFTER, LEAST = 1e-6, 1e-2, 1e-12
 # s grows by so much; by the root of that where a share was too large, until it is not worth it.
 FACTOR, SMALLEST_FACTOR = 10.0, 1.1
 MOST_SHARES = 40
+# A share that is not done in so few iterations was too large: those that are take one to four.
+SOON = 6
 # What pulls is seen from a share larger by this: so little that no point comes to slip.
 A_LITTLE = 1e-6
 
@@ -70,14 +72,17 @@ def rested(system: System, loading: Loading, first: ForceBalance, settings: Solv
     if not (isinstance(query, ContactQuery) and system.contact.slips and first.tractions is not None
             and first.tractions.n_touching):
         return None
+    soon = replace(settings, max_iterations=min(settings.max_iterations, SOON))
     share, done, factor, u, history = SOFTEST, 0.0, FACTOR, first.u, [0.0]
     for _ in range(MOST_SHARES):
         soft = replace(loading, query=query.softened(share))
         try:
-            found = solve_step(system, soft, system.balance(u, soft, True), None, settings)
-        except (LooseBodyError, NoEquilibriumError):
+            found = solve_step(system, soft, system.balance(u, soft, True), None, soon)
+        except (LooseBodyError, NoEquilibriumError) as exc:
             # A body that nothing holds at any share is none that rests.
             if not done:
+                if isinstance(exc, NoEquilibriumError):
+                    return None
                 share *= SOFTER
                 if share < LEAST:
                     return None

@@ -165,6 +165,17 @@ def test_a_body_that_nothing_pushes_stays_and_expands():
     assert np.abs(outputs["x"][upper] - grown).max() <= 1e-7
 
 
+def warm_below(cells, aside):
+    """A half of two flat blocks with friction, the upper one pressed; its nodes [m], and how warm each becomes [1]."""
+    drawn = blocks(*cells)
+    upper = np.arange(len(drawn.nodes)) >= (cells[0] + 1) ** 2
+    nodes = drawn.nodes * [1.0, 0.4] + np.outer(upper, [aside, 0.0])
+    interface = replace(drawn, nodes=nodes, pairs=tuple(replace(p, mu=0.2) for p in drawn.pairs))
+    half = elastic(interface, [hold("lower.bottom", 1), hold("lower.middle", 0), press("upper.top", 1e5)],
+                   pairs={"interface": {"augmented": {"method": "semi_smooth", "tolerance": 1e-6}}})
+    return half, nodes, np.where(upper, 0.0, np.clip(1.0 - drawn.nodes[:, 1], 0.0, 1.0) ** 2)
+
+
 # Corners of a block that bends by heat let go and come back; where they slip, nothing holds the block along x.
 @pytest.mark.few("cells0-0.0-50.0")
 @pytest.mark.parametrize(("cells", "aside", "dT"), [((4, 3), 0.0, 50.0), ((6, 5), 0.03, 10.0)])
@@ -177,13 +188,8 @@ def test_a_block_on_one_that_bends_by_heat_is_not_flung_away(monkeypatch, cells,
         return enforcement.solve_step(*args)
 
     monkeypatch.setattr(stabilisation, "solve_step", counted)
-    drawn = blocks(*cells)
-    upper = np.arange(len(drawn.nodes)) >= (cells[0] + 1) ** 2
-    nodes = drawn.nodes * [1.0, 0.4] + np.outer(upper, [aside, 0.0])
-    interface = replace(drawn, nodes=nodes, pairs=tuple(replace(p, mu=0.2) for p in drawn.pairs))
-    half = elastic(interface, [hold("lower.bottom", 1), hold("lower.middle", 0), press("upper.top", 1e5)],
-                   pairs={"interface": {"augmented": {"method": "semi_smooth", "tolerance": 1e-6}}})
-    warm, steps = np.where(upper, 0.0, np.clip(1.0 - drawn.nodes[:, 1], 0.0, 1.0) ** 2), 12
+    half, nodes, warm = warm_below(cells, aside)
+    steps = 12
     with closing(open_link("direct")) as link:
         state, _ = half.start(inputs_of(half, np.full(len(nodes), 300.0)), 0.0, link)
         for i in range(steps):
@@ -192,6 +198,18 @@ def test_a_block_on_one_that_bends_by_heat_is_not_flung_away(monkeypatch, cells,
             state, outputs = done(half.step(state, inputs_of(half, T), float(i), 1.0, link))
             assert len(asked) <= 10
     assert np.abs(outputs["x"] - nodes).max() <= 2.0 * dT * STEEL["alpha"]
+
+
+def test_a_block_that_newtons_method_goes_round_with_is_damped():
+    """It is held where few of its points stick, and they change with each iterate: the second step could not be solved.
+    """
+    half, nodes, warm = warm_below((8, 7), 0.03)
+    with closing(open_link("direct")) as link:
+        state, _ = half.start(inputs_of(half, np.full(len(nodes), 300.0)), 0.0, link)
+        for i in range(3):
+            state, outputs = done(half.step(state, inputs_of(half, 300.0 + 50.0 * (i + 1) / 12 * warm), float(i), 1.0,
+                                            link))
+            assert outputs["cuts"] == 0.0
 
 
 def test_scenes_that_are_held_have_no_such_output():
