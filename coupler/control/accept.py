@@ -90,6 +90,10 @@ def tried_again(attempt: Attempt, control: ControlState, why: str) -> ControlSta
 
 SMALLER = ("Everything up to here is in the results file. Give smaller windows (coupling.windows) "
            "or more substeps around this time, or look at the data that change here")
+# Where iterates do not agree in time; without heat that is stored smaller windows are no easier.
+MORE_ITERATIONS = ("Everything up to here is in the results file. Give more iterations "
+                   "(coupling.iteration.max_iterations) or, where bodies store heat, smaller windows "
+                   "(coupling.windows); or look at the data that change here")
 # What the halves may not be able to solve in any window, by which of them gave up.
 AT_LEAST = {
     Verdict.THERMAL_DISCARD: "Everything up to here is in the results file. Shorter windows do not help: look at the "
@@ -105,6 +109,8 @@ AT_LEAST = {
 def gave_up(attempt: Attempt, why: str, how: str, remedy: str = SMALLER) -> CouplingError:
     """The error of a window that cannot be solved."""
     history = attempt.solved.history
+    if attempt.solved.verdict is Verdict.MAX_ITERATIONS and remedy == SMALLER:
+        remedy = MORE_ITERATIONS
     return CouplingError(
         f"{why}; {how}", t=attempt.t, window=attempt.at.control.number + 1,
         iteration=len(history.misfits) if history else 0,

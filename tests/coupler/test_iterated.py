@@ -79,6 +79,12 @@ def test_plain_iteration_does_not_converge_there():
     assert max(told.value.residuals) > 1e10
 
 
+def test_one_that_smaller_windows_do_not_help_is_told_to_iterate_on():
+    """One iterate is too few in a window of any size."""
+    with pytest.raises(CouplingError, match=r"not converged.* Give more iterations \(coupling\.iteration\.max_it"):
+        iterate(840.0, 10 * E4["dt_c"]["backward_euler"], how=HOW.changed(max_iterations=1), method="backward_euler")
+
+
 def test_windows_far_beyond_the_limit_reach_the_steady_state():
     state, tried = iterate(840.0, 10 * E4["dt_c"]["backward_euler"] * 60, 60, method="backward_euler")
     assert float(state.now.T[0]) == pytest.approx(E4["T"], abs=1e-6)
