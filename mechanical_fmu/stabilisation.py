@@ -222,4 +222,3 @@ def _flung(system: System, loose: _Loose, du: Floats, ways: Floats) -> bool:
 
 def _touches(balance: ForceBalance) -> bool:
     return balance.tractions is not None and balance.tractions.n_touching > 0
-

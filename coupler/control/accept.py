@@ -69,7 +69,7 @@ def shorter(attempt: Attempt, size: float, why: str) -> ControlState:
     assert adaptive is not None
     if at_least(attempt):
         # fault: who may not go shorter is told to -> remedy = SMALLER | coupler/test_control
-        remedy = AT_LEAST.get(attempt.solved.verdict, SMALLER)
+        remedy = AT_LEAST.get(attempt.solved.verdict)
         raise gave_up(attempt, why, f"the window of {attempt.H:.3g} s is at its least", remedy)
     return tried_again(attempt, replace(control, size=max(size, adaptive.least), reason=f"tried again after: {why}",
                                       below=attempt.span.k1, aim=0), why)
@@ -106,16 +106,14 @@ AT_LEAST = {
 }
 
 
-def gave_up(attempt: Attempt, why: str, how: str, remedy: str = SMALLER) -> CouplingError:
-    """The error of a window that cannot be solved."""
+def gave_up(attempt: Attempt, why: str, how: str, remedy: str | None = None) -> CouplingError:
+    """The error of a window that cannot be solved.  remedy : None: more iterations or smaller windows."""
     history = attempt.solved.history
-    if attempt.solved.verdict is Verdict.MAX_ITERATIONS and remedy == SMALLER:
-        remedy = MORE_ITERATIONS
     return CouplingError(
         f"{why}; {how}", t=attempt.t, window=attempt.at.control.number + 1,
         iteration=len(history.misfits) if history else 0,
         residuals=tuple(history.misfits[-1].values()) if history else (),
-        remedy=remedy)
+        remedy=remedy or (MORE_ITERATIONS if attempt.solved.verdict is Verdict.MAX_ITERATIONS else SMALLER))
 
 
 # So many windows on end in which hardly anything changes are a steady state.

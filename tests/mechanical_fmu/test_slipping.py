@@ -18,7 +18,6 @@ sys.path.insert(0, str(Path(__file__).parent))
 from mechanical_scenes import NO_CELLS, STEEL, done, elastic, hold, inputs_of, rectangle
 
 from contact.half.interface import Interface, Pair
-from contact.half.model import Discard
 from contact.rpc.link import open_link
 from mechanical_fmu import slipping, stabilisation
 from mechanical_fmu.tangent import LooseBodyError
@@ -27,26 +26,26 @@ L, THICK, CELLS, RHO, G, WARM = 1.0, 0.02, 40, 7800.0, 9.81, 100.0
 ANGLE = float(np.radians(10.0))
 
 
-def plate(mu: float, cells: int = CELLS) -> Interface:
+def plate(mu: float) -> Interface:
     """A plate on a longer floor; the slave is the plate's bottom."""
     x1, c1, s1 = rectangle(np.linspace(-0.1, 1.1, 25), np.array([-0.05, 0.0]))
-    x2, c2, s2 = rectangle(np.linspace(0.0, L, cells + 1), np.array([0.0, THICK]), first=len(x1))
+    x2, c2, s2 = rectangle(np.linspace(0.0, L, CELLS + 1), np.array([0.0, THICK]), first=len(x1))
     body = np.repeat(np.array([0, 1], np.int32), [len(c1), len(c2)])
     return Interface("plane", np.concatenate([x1, x2]), np.concatenate([c1, c2]), NO_CELLS[3], body,
                      np.empty(0, np.int32), ("floor", "plate"), ("m", "m"),
                      {f"floor.{k}": v for k, v in s1.items()} | {f"plate.{k}": v for k, v in s2.items()}, {},
-                     (Pair("face", "plate.bottom", "floor.top", 1e-3, STEEL["E"] / (L / cells), mu=mu),))
+                     (Pair("face", "plate.bottom", "floor.top", 1e-3, STEEL["E"] / (L / CELLS), mu=mu),))
 
 
-def ends(mu: float, angle: float, steps: int, cycles: int = 1, cells: int = CELLS, **more):
+def ends(mu: float, angle: float, steps: int, cycles: int = 1):
     """u_x [m] of both ends of the plate's bottom, after it warmed and after it cooled, by turns: (2 cycles, 2).
 
     angle : [rad], downhill to the right where positive.
     """
-    interface = plate(mu, cells)
+    interface = plate(mu)
     weight = {"gravity": {"x": G * np.sin(angle), "y": -G * np.cos(angle)}}
     half = elastic(interface, [hold("floor.bottom", 0), hold("floor.bottom", 1)], {"rho": RHO, "nu": 0.0}, 1e-8,
-                   **weight, **more)
+                   **weight)
     own, told = interface.nodes[:, 1] > 0.0, []
     own[interface.surfaces["plate.bottom"].ravel()] = True
     bottom = np.unique(interface.surfaces["plate.bottom"])
@@ -56,9 +55,7 @@ def ends(mu: float, angle: float, steps: int, cycles: int = 1, cells: int = CELL
             share = (i + 1) % (2 * steps) / steps
             warmth = WARM * min(share, 2.0 - share)
             T = STEEL["T_ref"] + np.where(own, warmth, 0.0)
-            answer = half.step(state, inputs_of(half, T), float(i), 1.0, link)
-            assert not isinstance(answer, Discard), f"step {i}: {answer.message}"
-            state, outputs = done(answer)
+            state, outputs = done(half.step(state, inputs_of(half, T), float(i), 1.0, link))
             if (i + 1) % steps == 0:
                 told.append((outputs["x"] - interface.nodes)[bottom[[0, -1]], 0])
     return np.array(told)
@@ -82,7 +79,7 @@ def test_it_creeps_down_as_moseley_says(mu: float, angle: float, steps: int) -> 
 
 @pytest.mark.parametrize("mu", [0.2, 0.4, 0.9])
 def test_what_sticks_is_found_soon(mu: float, monkeypatch: pytest.MonkeyPatch) -> None:
-    """At most 20 solves a step where 150 damped ones did not do."""
+    """At most 20 solves a step where all damped increments did not do."""
     tried: list[int] = []
     for where in (slipping, stabilisation):
         def counted(*given, find=where.solve_step):
