@@ -211,7 +211,8 @@ def _at(c: Context, place: Place, key: Key) -> tuple[Ints, Floats]:
 def surface_mean(interface: Interface, edges: Ints) -> tuple[Ints, Floats]:
     """Return the nodes (n,), ascending, and weights (n,) [1], adding up to 1, of the mean over a surface.
 
-    edges : (n_edges, 2) node numbers.  A weight is the integral of N_i dA over A, reference; dA = ds or r ds.
+    edges : (n_edges, 2) node numbers.  A weight is the integral of N_i dA over A, reference; dA = ds or r ds (ds where
+    all of the surface lies on the axis).
     """
     nodes, where = np.unique(edges.ravel(), return_inverse=True)
     weights = np.bincount(where, weights=_node_areas(interface, edges).ravel())
@@ -225,6 +226,10 @@ def _node_areas(interface: Interface, edges: Ints) -> Floats:
     # fault: mean over a disc as over a strip -> r = 0.0 * ends[:, :, 0] + 1.0 if interface.axisymmetric else
     #   np.ones(edges.shape) | coupler/test_scenario_probes
     r = ends[:, :, 0] if interface.axisymmetric else np.ones(edges.shape)
+    if not r.any():
+        # A surface on the axis has no area.  The mean over a thin tube about it tends to the mean by length.
+        # fault: no mean along the axis -> r = 0.0 * ends[:, :, 0] | coupler/test_scenario_probes
+        r = np.ones(edges.shape)
     # fault: mean of a surface without its areas -> return 1.0 + 0.0 * r | coupler/test_scenario_probes
     return np.asarray(length[:, None] * (2 * r + r[:, ::-1]) / 6)
 

@@ -60,6 +60,15 @@ def test_a_mean_is_by_area_in_axisymmetric_geometry(tmp_path: Path) -> None:
     assert mean.of(r) == pytest.approx(4 / 3, rel=1e-13)
 
 
+def test_a_mean_along_the_axis_is_by_length(tmp_path: Path) -> None:
+    s, mean = with_probe(tmp_path, {"T": {"mean": "lower.left"}}, geometry="axisymmetric")
+    y = s.interface.nodes[:, 1]
+    assert not s.interface.nodes[mean.nodes, 0].any()
+    assert mean.of(y) == pytest.approx(0.5 * (y[mean.nodes].min() + y[mean.nodes].max()), rel=1e-13)
+    _, stress = with_probe(tmp_path, {"mechanical.sigma.yy": {"mean": "lower.left"}}, geometry="axisymmetric")
+    assert stress.cell_weights.sum() == pytest.approx(1.0, rel=1e-13)
+
+
 def test_a_point_in_a_distorted_quad(tmp_path: Path) -> None:
     """The inverse of the bilinear map, checked by mapping forth again."""
     from dataclasses import replace
