@@ -24,6 +24,7 @@ from mechanical_fmu.laws.law import CREEP, LIQUID, PLASTIC, Points
 from mechanical_fmu.material import Moduli
 
 Floats = NDArray[np.float64]
+ROUNDED = 4.0  # units in the last place of a coordinate: what a sum of increments and the solution leave
 
 
 def energies(stress: Floats, moduli: Moduli, weight: Floats) -> Floats:
@@ -66,6 +67,31 @@ def missed_energy(kinds: Sequence[Cells], stress: Sequence[Floats], moduli: Sequ
         missed += np.bincount(cells.body, 0.5 * energies(smooth - of, m, cells.weight), n_bodies)
         energy += np.bincount(cells.body, 0.5 * energies(of, m, cells.weight), n_bodies)
     return missed, energy
+
+
+def rounding_energy(kinds: Sequence[Cells], moduli: Sequence[Moduli], x: Floats, n_bodies: int) -> Floats:
+    """Return the strain energy of each body, (n_bodies,) [J], that the rounding of x : (n_nodes, 2) [m] alone can make.
+
+    A body that moves far, or is drawn far from the origin, has such a stress without any load.
+    """
+    energy = np.zeros(n_bodies)
+    for cells, m in zip(kinds, moduli, strict=True):
+        unit = ROUNDED * np.spacing(np.abs(x[cells.nodes]).max(axis=(1, 2)))
+        strain = unit * np.abs(cells.B).sum(axis=(2, 3)).max(axis=1)
+        energy += np.bincount(cells.body, 0.5 * m.E * strain**2 * cells.volume, n_bodies)
+    return energy
+
+
+def heat_energy(kinds: Sequence[Cells], expansion: Sequence[Floats], moduli: Sequence[Moduli],
+                n_bodies: int) -> Floats:
+    """Return the strain energy of each body, (n_bodies,) [J], if it were held along one direction as it expands.
+
+    expansion : (n_e, nq) [1] free strain at the points of every kind.
+    """
+    energy = np.zeros(n_bodies)
+    for cells, free, m in zip(kinds, expansion, moduli, strict=True):
+        energy += np.bincount(cells.body, 0.5 * m.E * (free**2 * cells.weight).sum(axis=1), n_bodies)
+    return energy
 
 
 def dropped_energy(kinds: Sequence[Cells], expansion: Sequence[Floats], moduli: Sequence[Moduli],

@@ -275,6 +275,7 @@ class Run:
                                  friction(self.halves.mechanical, look), self._conditions.read(look),
                                  self._outputs.ranges(self.state.now, self.scenario.interface, look))
             self._frame(look)
+            self._trust = self._looked_at_mesh(look)
             self._choice = self._choice.begun(self.state.now)
             self._look_at_equilibrium(look)
         self._commit()

@@ -70,7 +70,7 @@ def test_it_is_read_from_a_half_when_it_is_asked_for(tmp_path):
     scenario = load_scenario(scene(tmp_path, "[10, 2]"))
     with launch(scenario, processes=False) as halves:
         names = mesh.mesh_outputs(halves.mechanical.blocks)
-        assert names == ["mesh.missed.beam", "mesh.energy.beam"]
+        assert names == ["mesh.missed.beam", "mesh.energy.beam", "mesh.heat.beam"]
         assert all(halves.mechanical.blocks[n].unit == "J" for n in names)
         assert mesh.mesh_outputs(halves.thermal.blocks) == []
 
@@ -90,3 +90,47 @@ def test_the_largest_of_the_run_counts_and_bodies_without_load_do_not():
     (check,) = mesh.checks(half)
     assert check.number == pytest.approx(np.sqrt(0.5))
     assert (check.verdict, "4 times as many cells" in check.remedy) == ("broken", True)
+
+
+def test_a_stress_that_is_faint_beside_the_heat_is_not_held_against_the_mesh():
+    """Elastic strain of less than 1e-4 of the change of the thermal strain, energies as squares."""
+    rows = {}
+    for J in (1e-8, 1e-3):
+        log = mesh.MeshLog()
+        for t, heat in ((0.0, 25.0), (1.0, 100.0), (2.0, 625.0)):
+            log = mesh.watched(log, {"mesh.missed.a": J, "mesh.energy.a": J, "mesh.heat.a": heat}, t)
+        assert log.heat["a"] == pytest.approx((5.0, 25.0))
+        rows[J] = mesh.checks(log)[0]
+    assert (rows[1e-8].number, rows[1e-8].verdict) == (0.0, "holds")
+    assert rows[1e-3].verdict == "broken"
+    # Heat that does not change frees no body of its mesh.
+    log = mesh.watched(mesh.MeshLog(), {"mesh.missed.a": 1e-8, "mesh.energy.a": 1e-8, "mesh.heat.a": 625.0}, 1.0)
+    assert mesh.checks(log)[0].verdict == "broken"
+
+
+WARMS = """
+slideline: 2
+units: {temperature: degC}
+geometry: axisymmetric
+materials:
+  al: {rho: 2700, c: 900, k: 200, E: 70.0e9, nu: 0.33, alpha: 2.3e-5, T_ref: 20}
+bodies:
+  disc: {mesh: {rectangle: {origin: [0, 0], size: [0.05, 0.01], cells: [5, 2]}}, material: al, T0: 200}
+thermal:
+  boundary: [{on: disc.top, convection: {h: 10, T: 20}}, {on: disc.bottom, convection: {h: 5, T: 20}}]
+mechanical:
+  half: elastic
+  elastic:
+    boundary: [{on: disc.bottom, u_y: 0}]
+coupling: {end: 2000}
+"""
+
+
+def test_a_disc_that_cools_evenly_is_trusted(tmp_path):
+    """Biot numbers of 2e-4 and less: it shrinks by 4e-3; of its kPa of stress two cells have little."""
+    file = tmp_path / "disc.yaml"
+    file.write_text(WARMS)
+    results = run(load_scenario(file), tmp_path / "run.h5")
+    assert check_of(results.trust).verdict == "holds"
+    assert 0.0 < results.extremes["mechanical.sigma_v"].max() < 1e5
+    assert results.broken == ()

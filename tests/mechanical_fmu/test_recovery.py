@@ -11,8 +11,9 @@ import pytest
 
 sys.path.insert(0, str(Path(__file__).parent))
 from cell_scenes import PLANE, Stuff, equilibrium, grid, moduli_of, quads, volume_of
+from mechanical_scenes import NoLink, block, elastic, hold, inputs_of
 
-from mechanical_fmu.recovery import energies, missed_energy, recovered
+from mechanical_fmu.recovery import energies, heat_energy, missed_energy, recovered, rounding_energy
 from mechanical_fmu.volume import PointStep
 
 E, NU = 1e9, 0.3
@@ -101,3 +102,28 @@ def test_the_energy_of_a_stress():
     assert energies(stress, m, cell.weight) == pytest.approx(9e12 / E)
     stress[..., 0], stress[..., 2] = 0.0, 2e6
     assert energies(stress, m, cell.weight) == pytest.approx(4e12 * 2.0 * (1.0 + NU) / E)
+
+
+def test_a_body_that_moves_bears_nothing_by_rounding():
+    """Moved by 0.15 m, cells of 2 by 0.5 mm: 1e-13 of strain; squeezed by 1e-9 it bears."""
+    x, y = np.linspace(-0.2, 0.05, 126), np.linspace(-0.015, 0.0, 31)
+    told = {}
+    for squeeze in (0.0, 1e-9):
+        moved = {"terms": [{"x": {"polynomial": [0.15123456789, squeeze]}}]}
+        half = elastic(block(x, y, node_sets={"all": range(len(x) * len(y))}), [hold("all", 0, moved), hold("all", 1)])
+        _, told[squeeze] = half.start(inputs_of(half, 300.0), 0.0, NoLink())
+    assert told[0.0]["max_strain_increment"] <= 1e-12
+    assert told[0.0]["mesh.missed.block"] == told[0.0]["mesh.energy.block"] == 0.0
+    assert told[1e-9]["mesh.energy.block"] > 0.0
+
+
+def test_the_energies_of_rounding_and_of_heat():
+    """E/2 (4 units in the last place, over the cell)^2, more with the distance; E/2 of the square of a free strain."""
+    nodes, cells = grid(4, 4, lambda s, t: (s, t))
+    volume = volume_of(quads(nodes, cells), PLANE["plane stress"])
+    moduli = moduli_of(volume, Stuff(E, NU))
+    near, far = (rounding_energy(volume.kinds, moduli, nodes + at, 1)[0] for at in (1.0, 1e4))
+    assert 1e-16 < np.sqrt(2.0 * near / E) < 1e-13
+    assert np.sqrt(far / near) == pytest.approx(8192.0 / 1.0, rel=0.5)
+    free = [np.full((16, volume.kinds[0].N.shape[0]), -2e-3)]
+    assert heat_energy(volume.kinds, free, moduli, 1)[0] == pytest.approx(0.5 * E * 4e-6)
