@@ -18,7 +18,7 @@ geometry: plane
 materials:
   steel: {{E: {E}, nu: 0.3, rho: {rho}, c: {c}, k: {k}, alpha: {alpha}, T_ref: 20, plastic: {{s_y: {s_y}}}}}
 bodies:
-  bar: {{material: steel, T0: 20, mesh: {{rectangle: {{origin: [0, 0], size: [{length}, 0.01], cells: [4, 1]}}}}}}
+  bar: {{material: steel, T0: 20, mesh: {{rectangle: {{origin: [{at}, 0], size: [{length}, 0.01], cells: [4, 1]}}}}}}
 thermal:
   boundary: [{{on: bar.left, temperature: 300}}]
 mechanical:
@@ -27,7 +27,7 @@ mechanical:
 coupling: {{end: 10}}
 """
 RIGHT = {"unit": "degC", "E": "2.0e11", "rho": 7850, "c": 460, "k": 45, "alpha": "1.2e-5", "s_y": "250.0e6",
-         "length": 0.1}
+         "length": 0.1, "at": 0}
 
 
 def scene(folder: Path, **wrong: object) -> Scenario:
@@ -55,6 +55,8 @@ def test_what_is_usual_is_not_told(tmp_path: Path) -> None:
     ({"E": 200, "alpha": 12}, "E is 200 Pa (in GPa it would be 2e+11), alpha is 12 1/K"),
     ({"length": 100}, "body bar is 100 m long: is mm meant?"),
     ({"length": 100}, "Lengths are in metres, those of a mesh file times its `unit`"),
+    ({"at": 500}, ""),
+    ({"at": 1e5}, "body bar lies 1e+05 m from the origin, where coordinates are rounded to 1.5e-11 m, 1e-09 of"),
     ({"unit": "K"}, "body bar starts at 20 K (-253.15 degC): for degrees Celsius write units: {temperature: degC}"),
 ])
 def test_a_unit_mistaken_is_told_with_the_one_meant(tmp_path: Path, wrong: dict[str, object], told: str) -> None:
@@ -82,5 +84,5 @@ OWN = [*shipped_scenarios().glob("*.yaml"), *(template.document.path for templat
 
 @pytest.mark.parametrize("path", OWN, ids=lambda path: path.stem)
 def test_our_own_scenes_are_usual(path: Path) -> None:
-    told = ("no engineering material", " m long", "for degrees Celsius")
+    told = ("no engineering material", " m long", " m from the origin", "for degrees Celsius")
     assert not [note for note in load_scenario(path).notes if any(words in note for words in told)]
