@@ -88,6 +88,23 @@ def test_a_node_that_sinks_in_where_nothing_presses_breaks_trust(augmented: tupl
     assert found["nodes", 1e-6].verdict == found["edges", 2e-3].verdict == "holds"
 
 
+def test_a_touch_that_a_window_ended_at_is_not_held_against_its_load(tmp_path: Path) -> None:
+    """A body that bounces leaves 1e-9 of its load and 1e-6 of its overlap where a window ends as it parts."""
+    interface = load_text(tmp_path, GOOD, {}).interface
+    yields, own = Yields(interface), interface.side_of("face", "upper.bottom").at
+    gives, log, n = P * 2.0 / M * THICK, PenetrationLog(), len(interface.pair_nodes)
+    for t, load, depth in ((1.0, 1.0, 0.02), (2.0, 1e-9, 2e-8), (3.0, 1e-2, 1e-4)):
+        t_N, gap, covered = np.zeros(n), np.zeros(n), np.zeros(n)
+        t_N[own], gap[own], covered[own] = -P * load, -depth * gives, 1.0
+        log = yields.watched(log, Level(t, np.full(len(interface.nodes), 300.0), interface.nodes, t_N, gap, covered))
+    assert (log.share, log.t) == (pytest.approx(0.02, rel=1e-9), 1.0)
+    assert log.most["face"] > 0.0
+    # A load of its own counts, however small it is.
+    log = yields.watched(PenetrationLog(), Level(2.0, np.full(len(interface.nodes), 300.0), interface.nodes,
+                                                 t_N * 1e-7, gap * 1e-3, covered))
+    assert log.share == pytest.approx(1e-4 * 1e-3 / (1e-2 * 1e-7), rel=1e-9)
+
+
 def test_an_augmented_pair_has_its_pressure_whatever_its_corners_overlap(tmp_path: Path) -> None:
     """What is drawn into each other must still be driven out of each other."""
     gives = P * 2.0 / M * THICK
