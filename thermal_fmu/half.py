@@ -38,7 +38,8 @@ from thermal_fmu.problem import Model, parse_foreign, parse_model
 from thermal_fmu.program import ThermalProgram, refuse_beyond
 from thermal_fmu.program_stage import AGREED
 from thermal_fmu.scene import ThermalScene, freeze, with_friction
-from thermal_fmu.sources import calendar_of, factors_of
+from thermal_fmu.sources import LoadFactors, calendar_of, factors_of
+from thermal_fmu.steady_heat import SteadyFlow, between, flow_of
 from thermal_fmu.step import StepContext, ThermalStep, entropy_jump
 from thermal_fmu.substeps import NO_STEPS_YET, LeastStepError, StepController, SubstepStart, advance
 from thermal_fmu.volume import Coordinates, ThermalVolume, volume_materials
@@ -146,6 +147,7 @@ class ThermalState:
     from, anchor_S : likewise of the entropy part.  controller : of adaptive inner steps.
     given : heat since the start, by condition.  known : the data of bodies so far; None: as they are.
     rate : (n,) at which s moved in the last (inner) step [K/s]; None: in none yet.  missed : by the mesh, so far.
+    flow : what flowed at the end of the last step, where that was to a steady state.
     """
 
     s: Floats
@@ -160,6 +162,7 @@ class ThermalState:
     known: KnownRange | None = None
     rate: Floats | None = None
     missed: MissedHeat = NOTHING_MISSED
+    flow: SteadyFlow | None = None
 
 
 @dataclass(frozen=True)
@@ -309,6 +312,14 @@ class ThermalHalf:
                              DAMPED_SUBSTEPS if event != state.event else state.damped, state.controller)
         result = advance(context, scene.model.stated, method, start, t, h)
         done = result.done if jump is None else jump.then(result.done)
+        made = jump is not None or any(np.asarray(inputs[n]).any() for n in ENERGIES if n in inputs)
+        # Heat of mechanics is that of the whole step, and what it makes flow at the end no rate of it.
+        # fault: heat between steady states as it flows at the end -> flow = None | thermal_fmu/test_steady_heat
+        flow = None if method.stores or made else flow_of(done, h, load)
+        # fault: heat of steady states by the mean across a jump -> if flow is not None and state.flow is not None: |
+        #   thermal_fmu/test_steady_heat
+        if flow is not None and state.flow is not None and not self._jumps(state.flow, load, t, h):
+            done = between(state.flow, done, h)
         stored = state.stored + float(done.heat.stored.sum())
         # fault: heat of a condition of the last substep alone -> given = no_heat_yet(done.heat.each.size).plus(
         #   done.heat.each) | thermal_fmu/test_named_heat
@@ -322,7 +333,7 @@ class ThermalHalf:
         # fault: anchor not part of the state -> new = ThermalState(done.s, state.X, event, result.damped, stored, None,
         #   anchor_S, controller, given, | thermal_fmu/test_thermal_solver
         new = ThermalState(done.s, state.X, event, result.damped, stored, done.anchor, anchor_S, controller, given,
-                           known, result.rate, self._missed(state, substep.shapes, x, done, h))
+                           known, result.rate, self._missed(state, substep.shapes, x, done, h), flow)
         T_n = phase_change.temperature(scene.melting, state.s)
         outputs = self._outputs(new, done.heat, substep.touching, done, T_n)
         # fault: heat given off with the sign of heat taken up -> fields = field_outputs(scene, substep.shapes, new.s,
@@ -333,6 +344,10 @@ class ThermalHalf:
                                       damps_of(result.done.damped, result.done.overshoots))
         counts = self._counts(result.substeps, result.rejected)
         return Done(new, replace(fields, now=outputs | dict(fields.now) | counts))
+
+    def _jumps(self, before: SteadyFlow, load: LoadFactors, t: float, h: float) -> bool:
+        """Whether what acts from t [s] on is other than what acted up to then."""
+        return dict(load) != dict(before.loads) or self._calendar.jump_within(t, h)
 
     def _missed(self, state: ThermalState, shapes: tuple[CellGeometry, ...], x: Floats, done: ThermalStep,
                 h: float) -> MissedHeat:

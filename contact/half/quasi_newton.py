@@ -16,8 +16,8 @@ from numpy.typing import NDArray
 Array = NDArray[np.float64]
 Column = tuple[Array, Array]  # differences of two residuals and of the two outcomes
 
-# A column is left out if those newer already span it but for this share (QR2 filter): where melting fronts move, the
-# rest is the curvature of H, not a direction. On linear problems it costs an iterate or two.
+# A column is left out if those before it already span it but for this share (QR2 filter): where melting fronts move,
+# the rest is the curvature of H, not a direction. On linear problems it costs an iterate or two.
 FILTER = 0.1
 
 
@@ -52,19 +52,34 @@ def quasi_newton_guess(trail: Trail, older: Sequence[Column] = ()) -> Array | No
 
     older : columns of problems solved before, the newest first.  None while there is no column.
     """
-    r = trail.residual()
-    columns = [*trail.columns, *older]
+    return _from_iterate(trail, len(trail.guesses) - 1, [*trail.columns, *older])
+
+
+def guess_by_nearest(trail: Trail, k: int) -> Array | None:
+    """Return the same (n,) from iterate k, by its differences from all others, the nearest first.
+
+    Successive iterates that lie far apart tell of the way between them, those about iterate k of the slope there.
+    """
+    others = [i for i in range(len(trail.guesses)) if i != k]
+    # fault: the slope at an iterate by those farthest from it -> others = others[::-1] | coupler/test_bracket
+    others.sort(key=lambda i: float(np.linalg.norm(trail.guesses[i] - trail.guesses[k])))
+    return _from_iterate(trail, k, [(trail.residual(i) - trail.residual(k), trail.outcomes[i] - trail.outcomes[k])
+                                    for i in others])
+
+
+def _from_iterate(trail: Trail, k: int, columns: Sequence[Column]) -> Array | None:
+    """The guess from iterate k by columns, the first of which count most; None while there is none."""
     basis, triangle, kept = _filtered([v for v, _ in columns])
     if not kept:
         return None
-    # fault: quasi-Newton step of the wrong sign -> a = np.linalg.solve(triangle, basis.T @ r) |
+    # fault: quasi-Newton step of the wrong sign -> a = np.linalg.solve(triangle, basis.T @ trail.residual(k)) |
     #   coupler/test_acceleration
-    a = np.linalg.solve(triangle, -(basis.T @ r))
-    return np.asarray(trail.outcomes[-1] + np.column_stack([columns[i][1] for i in kept]) @ a)
+    a = np.linalg.solve(triangle, -(basis.T @ trail.residual(k)))
+    return np.asarray(trail.outcomes[k] + np.column_stack([columns[i][1] for i in kept]) @ a)
 
 
 def _filtered(columns: Sequence[Array]) -> tuple[Array, Array, list[int]]:
-    """Q (n, m), R (m, m) and numbers of the columns kept: the newest, and of each older one that adds a direction."""
+    """Q (n, m), R (m, m) and numbers of the columns kept: the first, and each later one that adds a direction."""
     basis: list[Array] = []
     rows: list[Array] = []
     kept: list[int] = []

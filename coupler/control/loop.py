@@ -21,7 +21,7 @@ from coupler.control.plan import Plan
 from coupler.control.solve_window import SavedStates, SolveOptions, can_halve, doubled, keep, solve_once
 from coupler.control.state import Committed, ControlState, first, monitors, opened
 from coupler.rules.engine import Firing
-from coupler.scenario.options import Adaptive, OnMax
+from coupler.scenario.options import Adaptive, OnMax, Scheme, Seen
 from coupler.schemes.state import CoupledState, Halves, Settings, Solved, Span, Verdict
 from coupler.trust.errors import Looked
 from coupler.trust.instants import Acted
@@ -260,9 +260,11 @@ def _looked(window: _Taken, verdict: Decision, in_one: NDArray[np.float64]) -> t
     """
     plan, control, solved = window.plan, verdict.control, verdict.solved
     work = solved.work
+    by_itself = _ends_by_itself(plan, window.options.settings.iteration.level, solved)
     memory, seen = spare.after(control.spare, solved.state.now.t, plan.watched(solved.state.now),
                                work.thermal_solves + work.mechanical_solves,
-                               error_estimate.gap_closes(window.at.state.now, solved.state.now))
+                               error_estimate.gap_closes(window.at.state.now, solved.state.now) and not by_itself)
+    seen = replace(seen, by_itself=by_itself)
     # fault: no window is followed for how it shifts the run -> pass | coupler/test_time_shift
     seen = replace(seen, turning=_turning(window, solved))
     taken = spare.Window(window.at.state, window.span, window.options, window.saved, solved)
@@ -283,6 +285,18 @@ def _looked(window: _Taken, verdict: Decision, in_one: NDArray[np.float64]) -> t
     if known is not None:
         seen = replace(seen, m=known.m, limit=known.limit, solves=seen.solves + known.solves)
     return replace(control, spare=memory), seen, known
+
+
+def _ends_by_itself(plan: Plan, level: Seen, solved: Solved) -> bool:
+    """Whether what a window came to depends on nothing that was inside it: nothing remembers, and it was iterated.
+
+    level : of the thermal half's input.  Heat that mechanics make, and strain of bodies that remember, are of the way.
+    """
+    remembers = (solved.state.now.elastic_strain is not None
+                 or any(account.made != 0.0 for account in solved.state.accounts.values()))
+    # fault: contact that closes within a window of steady temperatures makes it wrong -> return False |
+    #   coupler/test_steady_level
+    return plan.steady_T and solved.scheme is Scheme.ITERATED and level is Seen.END and not remembers
 
 
 def _turning(window: _Taken, solved: Solved) -> Turning | None:

@@ -58,6 +58,7 @@ class Plan:
     steady : stop once max |dT/dt| stays below this [K/s]; 0: never.  probed : a level -> the values of the probes.
     watched : a level, at which the halves are -> (n,) in SI of what errors are estimated; (0,): of nothing.
     steady_data : whether no datum and no rule changes with time what acts on the scene.
+    steady_T : whether temperatures are those of a steady state at any time.
     mechanical : (n,) which of those the mechanical half makes; (0,): none.  cells : of each body, of the scene's mesh.
     """
 
@@ -76,6 +77,7 @@ class Plan:
     mechanical: NDArray[np.bool_] = field(default_factory=lambda: np.empty(0, dtype=bool))
     cells: BodyCells = NO_CELLS
     steady_data: bool = False
+    steady_T: bool = False
 
     @property
     def settings(self) -> Settings:

@@ -64,6 +64,7 @@ from coupler.running.setup import (
 )
 from coupler.scenario import Scenario
 from coupler.scenario.notes import mean_T0, torn_pairs
+from coupler.scenario.options import Scheme
 from coupler.scenario.timing import SAME_TIME, Frames
 from coupler.schemes.accounts import HEATS
 from coupler.schemes.ledger import Ledger
@@ -150,7 +151,8 @@ class Run:
             self._trust_watch = TrustWatch(interface, self.scenario.models, units, self.plan.adaptive is not None,
                                            self.scenario.own_meshes,
                                            () if self.scenario.stated is None else self.scenario.stated.thermal.ignore,
-                                           self.scenario.coupling.substeps["mechanical"])
+                                           self.scenario.coupling.substeps["mechanical"],
+                                           self.scenario.coupling.scheme is Scheme.ITERATED)
             watched = self._probes.measurable if units else self._trust_watch.means
             self.plan = replace(self.plan, probed=self._probes.named, watched=watched,
                                 mechanical=self._probes.mechanical)

@@ -22,7 +22,7 @@ from coupler.fmu.launch import Launched
 from coupler.rules.engine import schemes_of, unfit, wanted
 from coupler.scenario import Scenario
 from coupler.scenario.rule_model import outputs
-from coupler.scenario.timing import varies
+from coupler.scenario.timing import is_steady, varies
 from coupler.schemes.accounts import HEATS, EnergyAccount
 from coupler.schemes.levels import Level
 from coupler.schemes.schedule import schedule
@@ -181,4 +181,4 @@ def plan_of(scenario: Scenario) -> Plan:
                        or any(rule.changes_loads for rule in scenario.rules))
     return Plan(schedule(c.end, c.windows, c.kinks, c.bends), c.scheme, c.substeps, c.iteration, c.adaptive, locate,
                 c.on_cycle, c.on_unstable, c.steady, scenario.rules, cells=body_cells(interface),
-                steady_data=steady_data)
+                steady_data=steady_data, steady_T=is_steady(scenario.models))

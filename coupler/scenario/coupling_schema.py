@@ -146,7 +146,8 @@ class CouplingSpec(Part):
         "[theory.md](theory.md) gives the order and what each half receives",
         kind="`staggered`, `mechanical_first`, `parallel`, `extrapolated`, `along_heat`, `iterated`, `adiabatic`, "
              "`auto`",
-        default="`auto`; `staggered` in files of version 1")] = Scheme.AUTO
+        default="`auto`, which is `iterated` with `thermal.method: steady`; `staggered` in files of version 1")
+        ] = Scheme.AUTO
     iteration: Annotated[Iteration, Entry(
         "how `iterated` goes to agreement; other schemes do not read it",
         default="")] = Iteration()

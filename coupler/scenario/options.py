@@ -131,7 +131,9 @@ class Iteration(Part):
         why="If the exchange acts in one direction only, 1 makes the second iterate the last.")] = 1.0
     max_iterations: Annotated[Whole, Entry(
         "most iterates of one window",
-        why="Accelerated windows take 2 to 16; a window that takes more is cheaper as two of half the size.")] = 30
+        default="30; 100 with `thermal.method: steady`",
+        why="Accelerated windows take 2 to 16; a window that takes more is cheaper as two of half the size, but for "
+            "steady temperatures, which no shorter window makes easier.")] = 30
     on_max: Annotated[OnMax, Entry(
         "what the run does when a window has not converged by then: `retry_smaller` halves the window, and where that"
         " does not help either an adaptive one of which the estimated error is within its tolerance is taken and marked"

@@ -17,6 +17,9 @@ from coupler.scenario.schema import OutputSpec
 MAX_WINDOWS = 5_000_000
 # Times that should be equal may differ by round-off of this share.
 SAME = 1e-12
+# Iterates of a window where temperatures are steady, if nobody says how many: a bar that comes to touch by 1 Pa and
+# 1 MPa alike took up to 48, by a law that bends without bound where pressure begins up to 100.
+MOST_WHERE_STEADY = 100
 
 
 @dataclass(frozen=True)
@@ -68,8 +71,11 @@ def coupling_of(document: Document, spec: CouplingSpec, models: Mapping[str, Any
     # fault: a jump of thermal data taken for a bend -> events = {*spec.kinks, *kinks_in(models["mechanical"])} |
     #   coupler/test_scenario_load
     events = {*spec.kinks, *kinks_in(models["mechanical"]), *jumps_in(models["thermal"])}
+    # What is held over a window without storage is wrong in full at its end, however short it is.
+    # fault: auto holds x where temperatures are steady -> scheme = spec.scheme | coupler/test_steady_level
+    scheme = Scheme.ITERATED if spec.scheme is Scheme.AUTO and is_steady(models) else spec.scheme
     return CouplingOptions(
-        spec.scheme, spec.end, windows, kinks, frozenset(kinks) - events, substeps, spec.link,
+        scheme, spec.end, windows, kinks, frozenset(kinks) - events, substeps, spec.link,
         # fault: iteration of a scenario not handed on -> Iteration(), adaptive, | coupler/test_scenario_iteration
         _iteration_of(spec, models), adaptive,
         adaptive is not None or spec.events.branches if spec.events.locate is None else spec.events.locate,
@@ -79,15 +85,21 @@ def coupling_of(document: Document, spec: CouplingSpec, models: Mapping[str, Any
 
 
 def _iteration_of(spec: CouplingSpec, models: Mapping[str, Any]) -> Iteration:
-    """The iteration of a scenario, whose level is the end where temperatures are steady and nobody stated one.
+    """The iteration of a scenario; where temperatures are steady, what nobody stated of it is as they need it.
 
-    Without storage T is of the end of its step, and with x of its middle it would lag by half of it.
+    Without storage T is of the end of its step, and with x of its middle it would lag by half of it.  Nor does a
+    shorter step make the answer to x weaker: where iterates do not agree soon, there is nothing to do but go on.
     """
-    stated = "level" in spec.iteration.model_fields_set
     # fault: what is steady is given x of the middle of its step -> if True: | coupler/test_steady_level
-    if stated or models["thermal"].get("method") != "steady":
+    if not is_steady(models):
         return spec.iteration
-    return spec.iteration.changed(level=Seen.END)
+    needed: dict[str, Any] = {"level": Seen.END, "max_iterations": MOST_WHERE_STEADY}
+    return spec.iteration.changed(**{k: v for k, v in needed.items() if k not in spec.iteration.model_fields_set})
+
+
+def is_steady(models: Mapping[str, Any]) -> bool:
+    """Whether temperatures are those of a steady state at any time."""
+    return bool(models["thermal"].get("method") == "steady")
 
 
 def kinks_in(model: Any) -> Iterator[float]:

@@ -15,7 +15,7 @@ from contact.half.quasi_newton import Column as Column
 from contact.half.quasi_newton import Trail as Trail
 from contact.half.quasi_newton import quasi_newton_guess
 from coupler.scenario.options import Acceleration, Iteration
-from coupler.schemes.bracket import between
+from coupler.schemes.bracket import stuck_guess
 
 Array = NDArray[np.float64]
 
@@ -41,9 +41,9 @@ def next_guess(how: Iteration, trail: Trail, memory: Memory) -> tuple[Array, flo
     The factor is its length over that of a plain step, signed for Aitken.
     """
     if how.acceleration is Acceleration.IQN_ILS:
-        guess = between(trail)
-        if guess is None:
-            guess = quasi_newton_guess(trail, [column for window in memory for column in window])
+        fitted = quasi_newton_guess(trail, [column for window in memory for column in window])
+        stuck = stuck_guess(trail, fitted)
+        guess = fitted if stuck is None else stuck
         if guess is None:
             return relaxed(how, trail)
         length = float(np.linalg.norm(trail.residual()))

@@ -77,7 +77,8 @@ class Looked:
     values : at its end.  second : |H^2 v''|.  error : estimate of what the window did wrong; empty where it was not
     looked at.  in_one : what it did wrong solved in one, as windows are that are not looked at; the same as error
     where that is what was kept.  solves : of either half that this cost beyond the run's own.
-    switch : whether contact closes or opens in it, or did in the one before.
+    switch : whether contact closes or opens in it, or did in the one before.  by_itself : whether its end depends on
+    nothing inside it, so that what jumps there makes it no more wrong.
     turning, shift : of the temperatures, and by how much the window shifts the run (coupler.trust.time_shift); None:
     they shift nothing.
     m : what the window makes of a disturbance; nan: not measured.  limit [s] : the longest window that is stable.
@@ -89,6 +90,7 @@ class Looked:
     in_one: Array = field(default_factory=_empty)
     solves: int = 0
     switch: bool = False
+    by_itself: bool = False
     turning: Turning | None = None
     shift: Shift | None = None
     m: float = math.nan
@@ -153,7 +155,7 @@ def watched(log: ErrorLog, seen: Looked, t: float, *, fresh: bool = False) -> Er
     bend = np.maximum(seen.second, CHANGE * np.abs(log.values - before))
     # fault: a look at a switch of contact is taken for the rest -> apart = np.zeros(len(bend), dtype=bool) |
     #   coupler/test_trust_errors
-    apart = _jumps(log, seen.second, H, fresh) | seen.switch
+    apart = _jumps(log, seen.second, H, fresh or seen.by_itself) | seen.switch
     log = _looked_at(log, seen, t, bend, apart) if seen.error.size else _to_carry_on(log, seen, H, bend, apart)
     curve = log.curve if seen.switch and log.curve.size else seen.second / H**2
     shifts = time_shift.watched(log.shifts, t, log.values, seen.turning, seen.shift, seen.switch)
@@ -311,8 +313,11 @@ def table(log: ErrorLog, probes: Mapping[str, str]) -> dict[str, ProbeError]:
             for (name, unit), e, low, high in zip(probes.items(), estimated(log), log.low, log.high, strict=True)}
 
 
-def check(log: ErrorLog, probes: Mapping[str, str], adaptive: bool) -> Check:
-    """Return the check at the end.  probes : name -> unit.  adaptive : whether windows are adaptive."""
+def check(log: ErrorLog, probes: Mapping[str, str], adaptive: bool, iterated: bool = False) -> Check:
+    """Return the check at the end.
+
+    probes : name -> unit.  adaptive : whether windows are adaptive.  iterated : whether every window is iterated.
+    """
     if not log.looked:
         return Check(NAME, TrustVerdict.UNCHECKED,
                      what="no window could be solved twice: a half cannot save its state")
@@ -328,4 +333,5 @@ def check(log: ErrorLog, probes: Mapping[str, str], adaptive: bool) -> Check:
              + (f", {', '.join(worst)}" if worst else "")
              + f", as estimated from {log.looked} of {log.windows} windows, each solved again as two of half the size",
         remedy="Use a smaller coupling.adaptive.tolerance" if adaptive else
-               "Use smaller windows, or coupling.adaptive; scheme: iterated removes the error of the exchange")
+               "Use smaller windows, or coupling.adaptive"
+               + ("" if iterated else "; scheme: iterated removes the error of the exchange"))

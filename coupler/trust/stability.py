@@ -68,10 +68,17 @@ def mended(log: StabilityLog, found: Mended, t: float, H: float) -> StabilityLog
     return replace(log, second=-found.m, t=t, H=H)
 
 
-def check(log: StabilityLog, looked: int) -> Check:
-    """Return the check at the end.  looked : windows that were, and would have been measured where they were rough."""
+def check(log: StabilityLog, looked: int, adaptive: bool = False) -> Check:
+    """Return the check at the end.
+
+    looked : windows that were, and would have been measured where they were rough.  adaptive : whether windows find
+    their own size, and so what does not ring.
+    """
+    if adaptive:
+        return Check(NAME, TrustVerdict.UNCHECKED,
+                     what="windows are adaptive: what rings is an error that shortens them")
     if not looked:
-        return Check(NAME, TrustVerdict.UNCHECKED, what="windows are adaptive, or none could be solved twice")
+        return Check(NAME, TrustVerdict.UNCHECKED, what="no window could be solved twice: a half cannot save its state")
     if not (log.measured or log.mended):
         return Check(NAME, TrustVerdict.UNCHECKED, what="no probe bent by much in two windows in a row, or "
                      "no such window could be measured")

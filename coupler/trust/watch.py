@@ -82,12 +82,14 @@ class TrustWatch:
 
     def __init__(self, interface: Interface, models: Mapping[str, Mapping[str, Any]],
                  probes: Mapping[str, str] | None = None, adaptive: bool = False,
-                 own_meshes: Collection[str] = (), ignored: Collection[str] = (), substeps: int = 1) -> None:
+                 own_meshes: Collection[str] = (), ignored: Collection[str] = (), substeps: int = 1,
+                 iterated: bool = False) -> None:
         """models : of the halves (model.json).  probes : name -> unit; none: mean temperatures of bodies stand for
         them (`means`).  adaptive : whether windows find their own size.  own_meshes : the roles of halves on one.
         ignored : paths of the scene that the thermal half may leave out.  substeps : of the mechanical half in a
-        window.
+        window.  iterated : whether every window is.
         """
+        self._iterated = iterated
         self._own_meshes = frozenset(own_meshes)
         self._interface = interface
         self._adaptive = adaptive
@@ -192,8 +194,8 @@ class TrustWatch:
         """
         off = imbalance(totals)
         return (
-            errors.check(log.errors, self._probes, self._adaptive),
-            stability.check(log.stability, 0 if self._adaptive else log.errors.looked),
+            errors.check(log.errors, self._probes, self._adaptive, self._iterated),
+            stability.check(log.stability, log.errors.looked, self._adaptive),
             temperatures.check(log.temperatures, self._place(log.temperatures.node)),
             *self._tables.checks(log.tables),
             *carried.checks(log.carried, log.temperatures.most - log.temperatures.least,
