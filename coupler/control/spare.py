@@ -20,6 +20,7 @@ from coupler.control.plan import Plan
 from coupler.control.solve_window import SavedStates, SolveOptions, can_halve, doubled, keep
 from coupler.scenario.options import Scheme, Seen
 from coupler.schemes.accounts import AHEAD, EnergyAccount
+from coupler.schemes.scheme import Sees
 from coupler.schemes.schemes import scheme_of
 from coupler.schemes.state import CoupledState, Halves, Solved, Span
 from coupler.trust import course, time_shift
@@ -319,7 +320,12 @@ def as_whole(state: CoupledState, scheme: Scheme, H: float) -> CoupledState | No
     as much, at the power of before.  Else that would be told as an error of every window, while what is late is late
     once.
     """
-    ahead = AHEAD if scheme_of(scheme).exchange_at(Seen.MIDDLE).friction is not None else frozenset()
+    exchange = scheme_of(scheme).exchange_at(Seen.MIDDLE)
+    # What is carried past a window that delivers its own heat belongs to later times (EnergyAccount.late).
+    # fault: friction heat that is kept back is taken for heat that comes late -> if False: | coupler/test_spare
+    if exchange.heat.sees is not Sees.START:
+        return None
+    ahead = AHEAD if exchange.friction is not None else frozenset()
     # fault: heat that halves deliver is held against nothing -> carried: dict[str, EnergyAccount] = {} |
     #   coupler/test_estimate::test_heat_that_comes_late_is_no_error_of_every_window
     carried = {n: a for n, a in state.accounts.items() if n not in ahead and a.carry.any()}

@@ -271,7 +271,7 @@ def test_a_probe_that_is_no_number_stays_where_it_was():
 
 
 @pytest.mark.parametrize(("scheme", "friction", "plastic"), [
-    (Scheme.STAGGERED, 3.0, 7.0), (Scheme.MECHANICAL_FIRST, 3.0, 7.0), (Scheme.EXTRAPOLATED, 1.0, 7.0)])
+    (Scheme.STAGGERED, 3.0, 7.0), (Scheme.PARALLEL, 3.0, 7.0), (Scheme.EXTRAPOLATED, 1.0, 7.0)])
 def test_a_window_in_one_is_given_the_late_heat_that_its_halves_deliver(scheme, friction, plastic):
     """What is carried and what half of the window makes at the power of before; not of what is handed over ahead."""
     accounts = {"contact.E_friction": EnergyAccount(np.array([1.0]), power=np.array([2.0])),
@@ -283,3 +283,16 @@ def test_a_window_in_one_is_given_the_late_heat_that_its_halves_deliver(scheme, 
     assert carried == {"contact.E_friction": friction, "E_M": plastic, "E_S": 0.0}
     idle = replace(state, accounts={"E_S": EnergyAccount(np.array([0.0]))})
     assert spare.as_whole(idle, scheme, 2.0) is None
+
+
+@pytest.mark.parametrize("scheme", [Scheme.ITERATED, Scheme.MECHANICAL_FIRST])
+def test_a_window_in_one_that_delivers_its_own_heat_is_solved_as_it_is(scheme):
+    """Friction heat that is carried past it is kept back for later times, by the window and by its halves alike.
+
+    Taken for late heat, it was handed over half a time too much: a billet that is upset with friction took windows of
+    0.2 ms (1741 of them to 0.32 of 1 s), and takes 89 for all of it.
+    """
+    kept = np.array([1.0])
+    accounts = {"contact.E_friction": EnergyAccount(kept, power=np.array([2.0]), late=kept, at_end=True)}
+    state = CoupledState(Level(0.0, *(np.zeros(0) for _ in range(5))), (), 0, accounts)
+    assert spare.as_whole(state, scheme, 2.0) is None
