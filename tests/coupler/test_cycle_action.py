@@ -13,6 +13,7 @@ import pytest
 from coupler.control.loop import Plan, Tried, windows
 from coupler.control.two_cycle import Swing, Watch, WindowSummary, act
 from coupler.scenario.options import OnCycle, Scheme, WindowRange
+from coupler.schemes.levels import Level
 from coupler.schemes.schedule import schedule
 from coupler.schemes.state import Settings, Verdict, wanted_outputs
 
@@ -135,3 +136,15 @@ def test_contact_that_rattles_without_heat_is_told_as_mechanics_and_not_iterated
     (text,) = done.notes
     assert "bodies or their contact swing by themselves" in text
     assert not any(word in text for word in ("thermal", "sdirk2", "exchange"))
+
+
+@pytest.mark.parametrize(("covered", "cycling"), [(1e-9, ()), (1.0, ("gap",))])
+def test_a_node_that_faces_a_sliver_now_and_then_is_no_cycle(covered: float, cycling: tuple[str, ...]):
+    """Beside a falling block's corner a node's gap is that of the block, or gap_max, by rounding."""
+    watch, levels = Watch(), []
+    for k in range(9):
+        gap, part = np.array([0.1 - 1e-3 * k, (0.3, 0.1)[k % 2]]), np.array([1.0, (0.0, covered)[k % 2] if not cycling
+                                                                             else covered])
+        levels.append(Level(float(k), np.zeros(1), np.zeros((1, 2)), np.zeros(2), gap, part))
+        watch = watch.plus(levels[-2], levels[-1]) if k else watch
+    assert watch.cycling == cycling
