@@ -11,7 +11,7 @@ from coupler.control import auto, error_estimate, events, window_size
 from coupler.control.error_estimate import Estimate
 from coupler.control.events import Found
 from coupler.control.plan import Plan
-from coupler.control.state import Committed, ControlState, failed_monitors, monitors
+from coupler.control.state import Committed, ControlState, Obstacle, failed_monitors, monitors
 from coupler.control.two_cycle import CycleAction, WindowSummary, act
 from coupler.errors import CouplingError
 from coupler.rules import engine as rules
@@ -116,6 +116,11 @@ def gave_up(attempt: Attempt, why: str, how: str, remedy: str | None = None) -> 
         remedy=remedy or (MORE_ITERATIONS if attempt.solved.verdict is Verdict.MAX_ITERATIONS else SMALLER))
 
 
+# An adaptive window that a half gave up on is made no shorter at once than this, and shorter by at least as much.
+LEAST_SHARE = 1.0 / 16.0
+# What mechanics cannot get past is known once so many windows were given up on the way there, and what is left of the
+# way is no more than this part of what it was at the first.
+SURE, NEAR = 4, 1e-3
 # So many windows on end in which hardly anything changes are a steady state.
 SLOW = 2
 
@@ -187,7 +192,8 @@ def _failed(attempt: Attempt) -> Decision:
         control = replace(control, unconverged=True)
         attempt = replace(attempt, at=replace(attempt.at, control=control))
     if not plan.rules:
-        return Decision(solved, cut(attempt, 0.5, solved.message))
+        attempt = _met(attempt)
+        return Decision(solved, cut(attempt, _shorter_by(attempt), solved.message))
     monitored = failed_monitors(control, attempt.span, solved)
     fired = rules.fire_failed(plan.rules, control.rules, monitored, control.settings)
     if fired.stop:
@@ -195,6 +201,34 @@ def _failed(attempt: Attempt) -> Decision:
                       fired=fired.log)
     again = cut(attempt, fired.retry or 0.5, solved.message)
     return Decision(solved, replace(again, settings=fired.settings, rules=fired.memory), fired=fired.log)
+
+
+def _shorter_by(attempt: Attempt) -> float:
+    """The share of an adaptive window to try next: as far as the half says that it came, else half of it."""
+    # fault: how far a half came is not heeded -> share = 0.0 | coupler/test_obstacle
+    share = attempt.solved.share
+    if attempt.plan.adaptive is None or not 0.0 < share < 1.0:
+        return 0.5
+    return min(max(share, LEAST_SHARE), 1.0 - LEAST_SHARE)
+
+
+def _met(attempt: Attempt) -> Attempt:
+    """The attempt with one more try counted that mechanics gave up on the way to the same time.
+
+    Raises CouplingError where it is known well enough that none gets there.
+    """
+    control, solved = attempt.at.control, attempt.solved
+    if attempt.plan.adaptive is None or solved.verdict is not Verdict.MECHANICAL_DISCARD:
+        return attempt
+    known = control.obstacle
+    found = (Obstacle(attempt.t, attempt.span.end, 1) if known is None else
+             Obstacle(known.first, min(known.end, attempt.span.end), known.tries + 1))
+    # fault: what no window gets past is approached to the least of them -> if False: | coupler/test_obstacle
+    if found.tries >= SURE and found.end - attempt.t <= NEAR * (found.end - found.first):
+        raise gave_up(attempt, solved.message,
+                      f"{found.tries} windows that came nearer and nearer did not get past t = {found.end:.9g} s",
+                      AT_LEAST[Verdict.MECHANICAL_DISCARD])
+    return replace(attempt, at=replace(attempt.at, control=replace(control, obstacle=found)))
 
 
 def _event(attempt: Attempt) -> tuple[Found | None, events.Memory]:
@@ -259,6 +293,7 @@ def _taken(attempt: Attempt, found: _Found, fired: rules.Fired, done: CycleActio
         unconverged=solved.verdict is Verdict.MAX_ITERATIONS,
         # fault: histories go on over an event -> ends=tuple([e for e in control.ends if e > span.k1]),
         #   event=control.event, | coupler/test_events
+        obstacle=None if control.obstacle is not None and span.end >= control.obstacle.end else control.obstacle,
         ends=tuple([e for e in control.ends if e > span.k1]), event=span.k1 if found.event else control.event,
         stop=fired.stop or steady, settings=done.settings, rules=fired.memory,
         cycle=done.watch,

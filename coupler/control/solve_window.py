@@ -98,7 +98,7 @@ def solve_once(halves: Halves, state: CoupledState, span: Span, options: SolveOp
                                          options.extrapolation))
     except DiscardError as discard:
         return Solved(discard.verdict, str(discard), state, (), discard.work, {}, scheme=options.scheme,
-                      final=discard.final)
+                      final=discard.final, share=discard.share)
     other = options.instead(solved)
     if other is None:
         return solved

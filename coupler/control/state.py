@@ -16,6 +16,18 @@ from coupler.schemes.sweep import OF_A_SUBSTEP
 
 
 @dataclass(frozen=True)
+class Obstacle:
+    """What mechanics gave up on the way to.  first [s] : where the first window began that did not get there.
+
+    end [s] : the earliest time that none of them reached.  tries : how many they were.
+    """
+
+    first: float
+    end: float
+    tries: int
+
+
+@dataclass(frozen=True)
 class ControlState:
     """Put back with a window that is rejected, but for what the next try needs: size, ends, aim, below, failures.
 
@@ -26,7 +38,7 @@ class ControlState:
     below : the next try ends before this tick; 0: anywhere.  fresh : the tick where histories were last forgotten.
     event : the tick of the last event found; 0: none.  slow : windows on end in which hardly anything changed.
     unconverged : a try of this window, or the window before it, was iterated to no end.
-    stop : why the run ends here; "": it goes on.
+    stop : why the run ends here; "": it goes on.  obstacle : that no window got past so far.
     """
 
     settings: Settings
@@ -43,6 +55,7 @@ class ControlState:
     slow: int = 0
     unconverged: bool = False
     stop: str = ""
+    obstacle: Obstacle | None = None
     cycle: two_cycle.Watch = field(default_factory=two_cycle.Watch)
     estimate: error_estimate.Memory = field(default_factory=error_estimate.Memory)
     controller: window_size.Memory = field(default_factory=window_size.Memory)

@@ -131,7 +131,8 @@ class Solved:
     history : where the scheme iterates.  anyway : the window is taken although it did not converge, or its error is too
     large, by request.  scheme : by which it was solved.  extrapolation : of x and t_N in it.
     whole : where this is the answer of the window's two halves (coupler.control.solve_window), that of the window in
-    one.  final : no shorter window would do, as a half says that gave up.
+    one.  final : no shorter window would do, as a half says that gave up.  share : of the window that would; 0: it does
+    not say.
     """
 
     verdict: Verdict
@@ -146,6 +147,7 @@ class Solved:
     extrapolation: float = 0.0
     whole: Solved | None = None
     final: bool = False
+    share: float = 0.0
 
     @property
     def taken(self) -> bool:

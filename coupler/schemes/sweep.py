@@ -43,19 +43,27 @@ OF_A_SUBSTEP = ("max_", "cuts", "substeps", "rejected", "residual", "iterations"
 class DiscardError(Exception):
     """A half could not do its substep.  work : what the whole passes before it cost.
 
-    final : whether the half says that no shorter substep would do.
+    final : whether the half says that no shorter substep would do.  share : of the pass that it says would; 0: it says
+    nothing.
     """
 
-    def __init__(self, verdict: Verdict, message: str, work: Work, final: bool = False) -> None:
+    def __init__(self, verdict: Verdict, message: str, work: Work, final: bool = False, share: float = 0.0) -> None:
         super().__init__(message)
         self.verdict = verdict
         self.work = work
         self.final = final
+        self.share = share
 
 
 def _is_final(answer: Advance, h: float) -> bool:
     """Whether a half that could not do a substep of h [s] suggests none that is shorter."""
     return answer.dt_suggest >= h * (1.0 - 1e-9)
+
+
+def _share(answer: Advance, t: float, times: Sequence[float]) -> float:
+    """The share of a pass over these times [s] up to where a half that gave up at t says that it can go; 0: nowhere."""
+    reached = t - times[0] + answer.dt_suggest
+    return min(reached / (times[-1] - times[0]), 1.0) if answer.dt_suggest > 0.0 else 0.0
 
 
 @dataclass(frozen=True)
@@ -147,7 +155,7 @@ def _thermal(halves: Halves, state: CoupledState, times: list[float], slope: Slo
             _Call(halves.thermal, "thermal", t0, t1, inputs, halves.thermal_outputs), sent)
         if answer.status is not Status.OK:
             raise DiscardError(Verdict.THERMAL_DISCARD, f"{halves.thermal.name}: {answer.message}", done,
-                               _is_final(answer, t1 - t0))
+                               _is_final(answer, t1 - t0), _share(answer, t0, times))
         outputs, work = answer.outputs, work.plus(cost)
         terms.append({n: float(v) for n, v in outputs.items() if n.startswith(PREFIX) or n in NO_TERMS})
         told = _told(told, outputs)
@@ -196,7 +204,7 @@ def _mechanical(halves: Halves, state: CoupledState, times: list[float], end: Ma
         answer, sent, cost = yield _begun(call, sent)
         if answer.status is not Status.OK:
             raise DiscardError(Verdict.MECHANICAL_DISCARD, f"{halves.mechanical.name}: {answer.message}", done,
-                               _is_final(answer, t1 - t0))
+                               _is_final(answer, t1 - t0), _share(answer, t0, times))
         outputs, work = answer.outputs, work.plus(cost)
         told = _told(told, outputs)
         for name in HEATS:
