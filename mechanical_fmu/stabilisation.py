@@ -128,8 +128,12 @@ def stabilised(system: System, loading: Loading, first: ForceBalance, settings: 
         else:
             return replace(end, history=(*history, *end.history[1:]), fresh=True, work=work)
         relief *= RELIEF
+    # fault: a pull that is too much for friction is not told -> pulled = "" | coupler/test_obstacle
+    pulled = ". It touched when the step began: the loads may be more than friction can hold"
+    if not (system.contact.slips and _touches(first)):
+        pulled = ""
     raise LooseBodyError(f"{loosest}; damped, it went {float(np.abs(found.u - first.u).max()):.3g} m and met nothing "
-                         "that holds it" if loosest is not None else
+                         f"that holds it{pulled}" if loosest is not None else
                          f"no equilibrium after {MOST_INCREMENTS} damped increments of a body that only contact holds")
 
 
