@@ -86,8 +86,9 @@ def unlikely(stated: ScenarioFile, interface: Interface, units: UnitSystem | Non
 def _far(body: str, x: Floats, edge: float) -> Iterator[str]:
     """Yield a sentence on a body whose coordinates x : (n, 2) [m] are rounded too coarsely for its edges."""
     far = float(np.abs(x).max())
+    unit = float(np.spacing(far))
     # fault: a body far from the origin is not told -> if False: | coupler/test_scenario_plausible
-    if (unit := float(np.spacing(far))) > ROUNDED * edge:
+    if unit > ROUNDED * edge:
         yield (f"body {body} lies {far:.3g} m from the origin, where coordinates are rounded to {unit:.2g} m, "
                f"{unit / edge:.1g} of its shortest edge: steps may find no equilibrium, and pressures vary. "
                "Draw the scene near the origin")
