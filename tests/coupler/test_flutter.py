@@ -38,6 +38,7 @@ def scene(folder: Path, **conduction: Any) -> Path:
     return path
 
 
+@pytest.mark.slow
 def test_a_pair_that_flutters_at_a_law_that_jumps_is_told_once(tmp_path: Path) -> None:
     """After 45 ms and 1600 tries beyond the touch, of 600 s.
 
