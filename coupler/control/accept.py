@@ -291,9 +291,9 @@ def _taken(attempt: Attempt, found: _Found, fired: rules.Fired, done: CycleActio
         control, tick=span.k1, number=control.number + 1, failures=0, aim=0, below=0, slow=slow,
         # What was iterated to no end here may be so in the next window.
         unconverged=solved.verdict is Verdict.MAX_ITERATIONS,
+        obstacle=None if control.obstacle is not None and span.end >= control.obstacle.end else control.obstacle,
         # fault: histories go on over an event -> ends=tuple([e for e in control.ends if e > span.k1]),
         #   event=control.event, | coupler/test_events
-        obstacle=None if control.obstacle is not None and span.end >= control.obstacle.end else control.obstacle,
         ends=tuple([e for e in control.ends if e > span.k1]), event=span.k1 if found.event else control.event,
         stop=fired.stop or steady, settings=done.settings, rules=fired.memory,
         cycle=done.watch,

@@ -17,8 +17,8 @@ from coupler.scenario.schema import OutputSpec
 MAX_WINDOWS = 5_000_000
 # Times that should be equal may differ by round-off of this share.
 SAME = 1e-12
-# Iterates of a window where temperatures are steady, if nobody says how many: a bar that comes to touch by 1 Pa and
-# 1 MPa alike took up to 48, by a law that bends without bound where pressure begins up to 100.
+# Iterates of a window where temperatures are steady, if nobody says how many: 30 are too few where a bar comes to touch
+# a wall to which it conducts the better the harder it is pressed.
 MOST_WHERE_STEADY = 100
 
 

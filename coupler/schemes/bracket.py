@@ -64,9 +64,7 @@ def between(trail: Trail) -> list[Array]:
     last = len(trail.guesses) - 1
     order = sorted(range(last + 1), key=lambda k: float(np.linalg.norm(trail.residual(k))))
     near = next((k for k in order if _against(trail, k, AGAINST)), None)
-    if near is None:
-        return []
-    return _towards(trail, near) + (_towards(trail, last) if _against(trail, last, AGAINST) else [])
+    return [] if near is None else _towards(trail, near) + _towards(trail, last)
 
 
 def _tried(trail: Trail, new: Array) -> bool:
@@ -90,14 +88,17 @@ def _against(trail: Trail, k: int, cosine: float) -> list[int]:
 
 
 def _towards(trail: Trail, near: int) -> list[Array]:
-    """Guesses between iterate `near` and the nearest across, the best first."""
-    far, *beyond = _against(trail, near, AGAINST)
-    r = [trail.residual(k) for k in range(len(trail.guesses))]
+    """Guesses between iterate `near` and the nearest across, the best first; none where none is across."""
+    across = _against(trail, near, AGAINST)
+    if not across:
+        return []
+    far, *beyond = across
+    r = trail.residual(far)
     way = trail.guesses[near] - trail.guesses[far]
     middle = trail.guesses[far] + 0.5 * way
-    if not beyond or not (change := r[far] - r[beyond[0]]).any():
+    if not beyond or not (change := r - trail.residual(beyond[0])).any():
         return [middle]
     step = trail.guesses[far] - trail.guesses[beyond[0]]
-    share = -float(r[far] @ change) / float(change @ change) * float(step @ way) / float(way @ way)
+    share = -float(r @ change) / float(change @ change) * float(step @ way) / float(way @ way)
     # fault: between two iterates on either side always the middle -> return [middle] | coupler/test_bracket
     return [trail.guesses[far] + share * way, middle] if 0.0 < share < 1.0 else [middle]

@@ -16,9 +16,8 @@ from thermal_fmu.half import load
 BAR = scene(Box(0, 2, 0, 1, 4))  # 2 m long, 1 W/(m K)
 
 
-def heated(right, **more):
-    return spec([{"on": "a.left", "temperature": 0.0}, {"on": "a.right", "temperature": right}], method="steady",
-                **more)
+def heated(right):
+    return spec([{"on": "a.left", "temperature": 0.0}, {"on": "a.right", "temperature": right}], method="steady")
 
 
 @pytest.mark.parametrize("dt", [1.0, 3.0, 6.0])
