@@ -12,7 +12,7 @@ import typer
 from coupler.cli.options import JsonOption
 from coupler.fmu.launch import CAP, cache_directory, cached_halves, clear_cache, drop_to, known_halves
 from coupler.init.templates import shipped_scenarios
-from coupler.scenario.problems import OWN, PROGRAMS, SHIPPED
+from coupler.scenario.kinds import OWN, PROGRAMS, SHIPPED
 
 ABOUT = {
     ("thermal", "thermal"): "heat conduction on the mesh, with radiation, convection, melting and sources",

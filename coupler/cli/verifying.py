@@ -18,7 +18,7 @@ from coupler.fmu.bounds import BorderScene
 from coupler.fmu.launch import build_half, known_halves
 from coupler.init.templates import shipped_scenarios, templates
 from coupler.scenario import Scenario, load_scenario
-from coupler.scenario.problems import OWN, entry_of, fmu_path, understood_by
+from coupler.scenario.kinds import OWN, entry_of, fmu_path, understood_by
 from coupler.verify.bench import NO_REFERENCE
 from coupler.verify.border import (
     CheckVerdict,

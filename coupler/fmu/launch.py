@@ -91,7 +91,7 @@ def _words(directory: Path, out: Path, fmi: int) -> list[str]:
 
 
 def _own_kinds() -> frozenset[str]:
-    from coupler.scenario.problems import SHIPPED
+    from coupler.scenario.kinds import SHIPPED
 
     return SHIPPED
 
@@ -215,7 +215,7 @@ def _chosen_cache(path: Path) -> Path:
 
 
 def _key(kind: str, module: str, directory: Path) -> str:
-    from coupler.scenario.problems import OWN
+    from coupler.scenario.kinds import OWN
 
     package = module.partition(".")[0]
     try:
@@ -393,7 +393,7 @@ def _built(scenario: Scenario, folders: Mapping[str, Path], fmi: int = 2) -> dic
 
     folders : where what they are built from is written.  Builders are processes of their own, and run at once.
     """
-    from coupler.scenario.problems import OWN
+    from coupler.scenario.kinds import OWN
 
     kinds = {role: scenario.write_half(role, folder) for role, folder in folders.items()}
     # One of several is no FMU that lies ready, so no names of its own are bound.

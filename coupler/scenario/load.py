@@ -30,22 +30,13 @@ from coupler.scenario.document import (
     scenario_error,
 )
 from coupler.scenario.frozen_entropy import frozen_entropy_wrong
+from coupler.scenario.kinds import OWN, REPLAY, check_kind, fmu_path, understood_by
 from coupler.scenario.mesh import mesh_path
 from coupler.scenario.notes import contact_notes, mean_T0, scaled_temperatures, sign_notes, thermal_notes
 from coupler.scenario.own_mesh import OwnMesh, own_mesh_of
 from coupler.scenario.plausible import unlikely, unlikely_text
 from coupler.scenario.probes import Probe, probes_of
-from coupler.scenario.problems import (
-    NEAREST,
-    OWN,
-    REPLAY,
-    Stated,
-    check_kind,
-    fmu_path,
-    problem_of,
-    understood_by,
-    wrongs_of,
-)
+from coupler.scenario.problems import problem_of
 from coupler.scenario.quantities import with_overrides, with_plain_numbers
 from coupler.scenario.recordings import TakenRecording, recordings_of, with_recording
 from coupler.scenario.rule_model import Drive, Give, Rule
@@ -55,11 +46,13 @@ from coupler.scenario.schema import ScenarioFile
 from coupler.scenario.several import Several, several_of, several_wrongs
 from coupler.scenario.si import ToSI
 from coupler.scenario.starts import TakenCourse, TakenStart
+from coupler.scenario.stated import NEAREST, Stated
 from coupler.scenario.timing import CouplingOptions, Output, coupling_of, output_of
 from coupler.scenario.understood import CONSTANT
 from coupler.scenario.unit_system import UnitSystem
 from coupler.scenario.versions import notice, with_old_defaults
 from coupler.scenario.warm import TakenMechanics
+from coupler.scenario.wrongs import wrongs_of
 
 Taken = TakenStart | TakenCourse | TakenMechanics | TakenRecording
 

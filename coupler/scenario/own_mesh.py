@@ -15,11 +15,12 @@ from contact.problem.errors import Wrong
 from contact.problem.values import did_you_mean
 from coupler.errors import ScenarioError
 from coupler.scenario.document import Document, DocumentErrors, Key
+from coupler.scenario.kinds import REPLAY
 from coupler.scenario.mesh import Mesh
 from coupler.scenario.mesh_maps import MeshMaps, NodeMap, mesh_maps
-from coupler.scenario.problems import NEAREST, REPLAY
 from coupler.scenario.scene import Scene, scene_of
 from coupler.scenario.schema import ScenarioFile
+from coupler.scenario.stated import NEAREST
 
 Floats = NDArray[np.float64]
 

@@ -19,8 +19,8 @@ from contact.half.functions import property_from
 from contact.half.interface import Interface, cell_sizes
 from contact.half.start import mean_start
 from coupler.scenario.bodies import MeshedBody
-from coupler.scenario.problems import stated_start
 from coupler.scenario.schema import ScenarioFile
+from coupler.scenario.stated import stated_start
 
 MOST = 10.0  # of E: M at nu = 0.483
 

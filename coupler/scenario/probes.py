@@ -12,9 +12,9 @@ from contact.problem.values import did_you_mean
 from coupler.scenario.conditions import ConditionOutput, is_condition, remedy, resolved
 from coupler.scenario.document import Key
 from coupler.scenario.mesh import Floats, Ints
-from coupler.scenario.problems import NEAREST
 from coupler.scenario.scene import Context, surface_key
 from coupler.scenario.schema import Place, ProbeSpec
+from coupler.scenario.stated import NEAREST
 from coupler.scenario.transfer import SLACK, shapes_at
 
 UNITS = {"T": "K", "u_x": "m", "u_y": "m", "gap": "m", "p": "Pa", "f_s": "1"}

@@ -17,7 +17,7 @@ from contact.half.interface import Interface
 from contact.half.recording import ENERGIES, OUTPUTS, Recording
 from coupler.scenario.document import Document, DocumentErrors, Key
 from coupler.scenario.earlier_run import MAX_COURSE, EarlierRun, EarlierRunError, dataset, earlier_run, opened
-from coupler.scenario.problems import REPLAY
+from coupler.scenario.kinds import REPLAY
 from coupler.scenario.schema import ScenarioFile
 
 Floats = NDArray[np.float64]

@@ -13,7 +13,7 @@ from coupler.scenario import rule_model
 from coupler.scenario.conditions import ConditionOutput, is_condition, remedy, resolved
 from coupler.scenario.document import Key
 from coupler.scenario.frozen_entropy import frozen_entropy_wrong
-from coupler.scenario.problems import OWN
+from coupler.scenario.kinds import OWN
 from coupler.scenario.rule_model import (
     Action,
     Drive,

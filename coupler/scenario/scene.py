@@ -19,11 +19,11 @@ from coupler.scenario.earlier_bodies import EarlierRuns
 from coupler.scenario.fits import offsets_of
 from coupler.scenario.mesh import BodyMesh, Floats, Ints, MeshError, file_mesh, rectangle_mesh
 from coupler.scenario.penalties import largest_penalty, stiffness_of
-from coupler.scenario.problems import NEAREST, ROOM
 from coupler.scenario.regions import regions_of
 from coupler.scenario.schema import Geometry, ScenarioFile
 from coupler.scenario.si import ToSI
 from coupler.scenario.starts import TakenCourse, TakenStart, courses_of, starts_of
+from coupler.scenario.stated import NEAREST, ROOM
 from coupler.scenario.ties import refuse_loose_ties
 from coupler.scenario.warm import TakenMechanics, mechanics_of, start_arrays
 

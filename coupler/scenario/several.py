@@ -21,7 +21,7 @@ from contact.half.start import START_T
 from contact.problem.errors import Wrong, read
 from contact.problem.thermal import ForeignThermal, ThermalProblem
 from contact.problem.values import did_you_mean
-from coupler.scenario.problems import OWN, REPLAY, entry_of
+from coupler.scenario.kinds import OWN, REPLAY, entry_of
 from coupler.scenario.schema import Across, Thermal
 
 Indices = NDArray[np.intp]

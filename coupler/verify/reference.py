@@ -12,8 +12,8 @@ from contact.half.entry import sources_hash
 from coupler.errors import HalfError, ScenarioError
 from coupler.fmu.launch import build_half
 from coupler.scenario import Scenario
+from coupler.scenario.kinds import OWN
 from coupler.scenario.load import scenario_from
-from coupler.scenario.problems import OWN
 
 WHOLE = {"thermal": "thermal", "mechanical": "elastic"}  # role -> the kind of our own that leaves nothing out
 ROOMS = {"thermal": "thermal_fmu", "mechanical": "mechanical_fmu"}  # where these are

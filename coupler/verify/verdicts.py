@@ -27,7 +27,7 @@ from coupler.fmu.description import read_description
 from coupler.fmu.launch import VERDICTS, cache_directory
 from coupler.fmu.scratch import scratch_folder
 from coupler.scenario import Scenario
-from coupler.scenario.problems import OWN, SHIPPED, fmu_path, understood_by
+from coupler.scenario.kinds import OWN, SHIPPED, fmu_path, understood_by
 from coupler.trust.checks import Check, TrustVerdict
 from coupler.verify.border import CheckVerdict, Finding, conclusion
 from coupler.verify.child import ALIVE, LIMIT, findings_of

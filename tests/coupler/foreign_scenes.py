@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from coupler import load_scenario
-from coupler.scenario import Scenario, problems
+from coupler.scenario import Scenario, kinds
 
 # Square cells: on others our half integrates conduction elsewhere (contact.half.gradients).
 TEXT = """
@@ -46,11 +46,16 @@ coupling: {scheme: staggered, end: 3, windows: [{until: 3, size: 1}]}
 """
 
 
+def install_mine(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Let a half called `mine` of a package `mine_half` be found, as if it was installed."""
+    known = kinds.entry_points
+    entry = EntryPoint("mine", "mine_half.build", kinds.GROUP)
+    monkeypatch.setattr(kinds, "entry_points", lambda group: [*known(group=group), entry])
+
+
 def scenes(folder: Path, role: str, monkeypatch: pytest.MonkeyPatch, **overrides: Any) -> tuple[Scenario, Scenario]:
     """The scene with our half in a role, and with one called `mine`."""
-    known = problems.entry_points
-    entry = EntryPoint("mine", "mine_half.build", problems.GROUP)
-    monkeypatch.setattr(problems, "entry_points", lambda group: [*known(group=group), entry])
+    install_mine(monkeypatch)
     (folder / "s.yaml").write_text(TEXT)
     own = load_scenario(folder / "s.yaml", overrides=overrides)
     return own, load_scenario(folder / "s.yaml", overrides={**overrides, f"{role}.half": "mine"})

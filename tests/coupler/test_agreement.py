@@ -6,7 +6,6 @@ import sys
 from collections.abc import Callable
 from dataclasses import replace
 from functools import cache
-from importlib.metadata import EntryPoint
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
@@ -17,7 +16,7 @@ from scipy.sparse import csr_matrix
 from coupler import load_scenario
 from coupler.errors import HalfError
 from coupler.fmu.half import Half
-from coupler.scenario import Scenario, problems
+from coupler.scenario import Scenario
 from coupler.verify.agreement import agrees
 from coupler.verify.bench import Bench, Declared, settled
 from coupler.verify.border import CheckVerdict
@@ -29,6 +28,7 @@ from thermal_fmu import ThermalVolume, VolumeMaterial, VolumeMesh, thermal_half
 from thermal_fmu.half import load as load_thermal
 
 sys.path.insert(0, str(Path(__file__).parent))
+from foreign_scenes import install_mine
 from model_half import ModelHalf
 from wrong_laws import FAULTS, SCENES, Deaf, Wrong, model_of
 
@@ -110,9 +110,7 @@ class Triangles(ThermalVolume):
 @pytest.mark.few("pressed")
 @pytest.mark.parametrize("scene", ["apart", "pressed"])
 def test_other_elements_pass(scene: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    known = problems.entry_points
-    entry = EntryPoint("mine", "mine_half.build", problems.GROUP)
-    monkeypatch.setattr(problems, "entry_points", lambda group: [*known(group=group), entry])
+    install_mine(monkeypatch)
     (tmp_path / "s.yaml").write_text(SCENES[scene])
     scenario = load_scenario(tmp_path / "s.yaml", overrides={"thermal.half": "mine"})
     model = thermal_half(Triangles(), scenario.interface, scenario.models["thermal"])

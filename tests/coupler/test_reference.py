@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from importlib.metadata import EntryPoint
+import sys
 from pathlib import Path
 from typing import Any
 
@@ -10,9 +10,12 @@ import pytest
 
 from coupler import load_scenario
 from coupler.errors import HalfError
-from coupler.scenario import Scenario, problems
+from coupler.scenario import Scenario
 from coupler.verify.reference import built, reference_of
 from coupler.verify.verdicts import _key
+
+sys.path.insert(0, str(Path(__file__).parent))
+from foreign_scenes import install_mine
 
 READS = frozenset({"boundary", "bodies", "pairs", "materials"})
 SCENE = """
@@ -32,9 +35,7 @@ ELASTIC = {"mechanical.elastic": {"boundary": [{"on": "block.left", "u_x": 0, "u
 @pytest.fixture
 def scene(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Any:
     """A function that returns the scene with a half of another package in a role."""
-    known = problems.entry_points
-    entry = EntryPoint("mine", "mine_half.build", problems.GROUP)
-    monkeypatch.setattr(problems, "entry_points", lambda group: [*known(group=group), entry])
+    install_mine(monkeypatch)
     (tmp_path / "s.yaml").write_text(SCENE)
 
     def made(role: str = "thermal", **overrides: Any) -> Scenario:

@@ -13,8 +13,9 @@ from contact.half import ForeignMechanical, ForeignThermal, read_problem
 from coupler import ScenarioError, load_scenario
 from coupler.cli.cli import app
 from coupler.scenario import document
-from coupler.scenario.problems import Stated, problem_of
+from coupler.scenario.problems import problem_of
 from coupler.scenario.schema import VERSION
+from coupler.scenario.stated import Stated
 from coupler.scenario.versions import json_schema
 
 sys.path.insert(0, str(Path(__file__).parent))

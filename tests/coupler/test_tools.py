@@ -17,7 +17,7 @@ from coupler.cli.cli import app
 from coupler.cli.console import bar
 from coupler.cli.tools import listed, sentence_of
 from coupler.fmu.launch import USED_LATELY, cached_halves, clear_cache, drop_to
-from coupler.scenario.problems import OWN
+from coupler.scenario.kinds import OWN
 
 ROOT = Path(__file__).resolve().parents[2]
 BARS = str(ROOT / "scenarios/heated_bars.yaml")

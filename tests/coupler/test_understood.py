@@ -13,10 +13,10 @@ import pytest
 
 from coupler import load_scenario
 from coupler.errors import ScenarioError
-from coupler.scenario import problems
 from coupler.scenario.understood import covers, declared_by, declared_in, words_of
 
 sys.path.insert(0, str(Path(__file__).parent))
+from foreign_scenes import install_mine
 from scenario_text import GOOD
 
 THERMAL = "boundary.temperature boundary.convection.h boundary.convection.T materials pairs.conduction"
@@ -32,9 +32,7 @@ def kind(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
         package.mkdir(exist_ok=True)
         (package / "__init__.py").write_text("raise RuntimeError('the coupler imported a half')\n")
         (package / "build.py").write_text("" if text is None else f"UNDERSTANDS = {text!r}\n")
-        entry = EntryPoint("mine", "mine_half.build", problems.GROUP)
-        known = problems.entry_points
-        monkeypatch.setattr(problems, "entry_points", lambda group: [*known(group=group), entry])
+        install_mine(monkeypatch)
     return install
 
 
