@@ -62,7 +62,7 @@ class WindowRecord:
 class Recorder:
     """Writes the header, each window, frames of fields and the end; finish() makes run.h5 of it.
 
-    header : what is known before the first window (scenario, versions, probes, fields); see Run._header.
+    header : what is known before the first window (scenario, versions, probes, fields); see checkpoint.header_of.
     since : go on with the journal of a run that ended early, behind this place, under the header it has.
     Raises ResultsError if `out` may not or cannot be written.
     """

@@ -23,33 +23,16 @@ from coupler.errors import CouplingError, HalfError, SlidelineError
 from coupler.fmu.half import Half
 from coupler.fmu.launch import launch
 from coupler.fmu.metered import Meter, MeteredHalf
-from coupler.record.checkpoint import (
-    Checkpoint,
-    Keeper,
-    RunRecord,
-    header_of,
-    memory_of,
-    put_back,
-    state_of,
-)
-from coupler.record.frames import frame_choice
-from coupler.record.look import Look, together
-from coupler.record.observe import (
-    ConditionReader,
-    ContactWarnings,
-    ExtraOutputs,
-    ProbeReader,
-    friction,
-    friction_names,
-)
+from coupler.record.checkpoint import Checkpoint, Keeper, RunRecord, header_of, memory_of, put_back
+from coupler.record.observe import ContactWarnings
 from coupler.record.paths import check_target
-from coupler.record.recorder import Recorder, WindowRecord
 from coupler.record.results import Results
 from coupler.rules import engine as rules
 from coupler.running.damping import DampingNotes
 from coupler.running.flutter import FlutterNotes
 from coupler.running.interactive import Changes, Snapshot, Snapshots, changed
 from coupler.running.interrupts import Interrupts
+from coupler.running.observer import Observer
 from coupler.running.progress import Progress, RemainingTime, RunStatus, progress
 from coupler.running.setup import (
     check_halves,
@@ -62,19 +45,14 @@ from coupler.running.setup import (
     what_is_missing,
     without_checkpoints,
 )
+from coupler.running.standing import Standing
 from coupler.scenario import Scenario
 from coupler.scenario.notes import mean_T0, torn_pairs
-from coupler.scenario.options import Scheme
-from coupler.scenario.timing import SAME_TIME, Frames
+from coupler.scenario.timing import SAME_TIME
 from coupler.schemes.accounts import HEATS
 from coupler.schemes.ledger import Ledger
 from coupler.schemes.mapped import joined
 from coupler.schemes.state import CoupledState
-from coupler.trust.checks import Check
-from coupler.trust.equilibrium import OUTPUT as STABLE
-from coupler.trust.heat_mesh import heat_mesh_outputs
-from coupler.trust.mesh import mesh_outputs
-from coupler.trust.watch import TrustLog, TrustWatch
 from coupler.verify.verdicts import HalfVerdict, Verify, trust_rows, verdicts_of
 
 Array = NDArray[np.float64]
@@ -115,10 +93,8 @@ class Run:
         self._stack = ExitStack()
         self._interrupts = Interrupts()
         self._begun = self._finished = False
-        self._broken: BaseException | None = None
         self._time_to_go = RemainingTime()
         self._tried: Tried | None = None
-        self._framed = -1.0  # s, the time of the last frame
         self._since = since
         self._until = float("inf")
         self._spent = self.setup_seconds = 0.0
@@ -146,49 +122,33 @@ class Run:
             self.halves = halves_of(launched.thermal, launched.mechanical, self.plan, interface)
             check_halves(launched.thermal, launched.mechanical, self.scenario)
             both = {"thermal": launched.thermal, "mechanical": launched.mechanical}
-            self._probes = ProbeReader(self.scenario.probes, interface, both, self.scenario.file)
-            units = {n: a["unit"] for n, a in self._probes.about.items()}
-            self._trust_watch = TrustWatch(interface, self.scenario.models, units, self.plan.adaptive is not None,
-                                           self.scenario.own_meshes,
-                                           () if self.scenario.stated is None else self.scenario.stated.thermal.ignore,
-                                           self.scenario.coupling.substeps["mechanical"],
-                                           self.scenario.coupling.scheme is Scheme.ITERATED)
-            watched = self._probes.measurable if units else self._trust_watch.means
-            self.plan = replace(self.plan, probed=self._probes.named, watched=watched,
-                                mechanical=self._probes.mechanical)
+            self._observer = seen = Observer(self.scenario, self.halves, self.plan.adaptive is not None)
+            self.plan = replace(self.plan, probed=seen.probes.named, watched=seen.watched,
+                                mechanical=seen.probes.mechanical)
             self.notes += what_is_missing(launched.thermal, launched.mechanical, bool(interface.pairs))
             self._asked = launched.asked
             self.notes += without_checkpoints(both, self.scenario.output.checkpoint)
             self._snapshots = Snapshots(self.halves)
             self._warnings = ContactWarnings(interface, self.halves.mechanical_outputs)
-            self._conditions = ConditionReader(self.scenario.conditions, both)
             self._damping = DampingNotes()
             thermal = self.scenario.models["thermal"]
             self._flutter = FlutterNotes(torn_pairs(thermal, interface.pairs, mean_T0(thermal, interface)),
                                          self.scenario.coupling.end)
-            self._outputs = ExtraOutputs(self.halves, interface)
-            self.notes += self._outputs.notes
-            self._both, self._each_window = both, together(self._probes.names, self._conditions.names,
-                                                           self._outputs.names, friction_names(both["mechanical"]))
-            self._of_mesh = {"mechanical": mesh_outputs(both["mechanical"].blocks),
-                             "thermal": heat_mesh_outputs(both["thermal"].blocks)}
-            self._choice = frame_choice(self.scenario.output.most, self.scenario.coupling.end, len(interface.nodes),
-                                        self._outputs.fields)
+            self.notes += seen.outputs.notes
             self._at = first(first_state(launched, self.halves, interface, self.scenario.coupling.end,
                                          rules.first_loads(self.plan.rules)), self.plan)
             self.notes += not_told(held, self.scenario.foreign)
             self.notes += heat_of_the_start(launched.mechanical)
-            self._trust = self._trust_watch.begun(self.state.now, self.plan.watched(self.state.now))
+            seen.begin(self.state.now)
             if self._since is not None:
                 self._continue_from(self._since, both)
-            header = {**header_of(self.scenario, self.plan, self._outputs.fields, self._probes.about,
-                                  self._conditions.outputs), "processes": self.processes, "notes": self.notes,
-                      "ranges": self._outputs.range_names,
+            header = {**header_of(self.scenario, self.plan, seen.outputs.fields, seen.probes.about,
+                                  seen.conditions.outputs), "processes": self.processes, "notes": self.notes,
+                      "ranges": seen.outputs.range_names,
                       "monitors": rules.units(self.plan.rules, {role: half.blocks for role, half in both.items()})}
-            self._recorder = Recorder(self.out, header, interface,
-                                      self._since.record.mark if self._since else None)
-            self._recorder.rows = self._since.record.rows if self._since else 0
-            self._keeper = Keeper(self.scenario, self._recorder, both, _places_option(self.processes, self.hosts))
+            seen.open(self.out, header, None if self._since is None else self._since.record)
+            keeper = Keeper(self.scenario, seen.recorder, both, _places_option(self.processes, self.hosts))
+            self._standing = Standing(keeper, held, tuple(both.values()), len(self.scenario.halves))
             self._stand()
             self._stack = stack.pop_all()
         self.setup_seconds += time.perf_counter() - started
@@ -226,9 +186,9 @@ class Run:
                     error.add_note(f"the end of the run could not be kept: {exc}")
                     message = _in_full(error)
             self._restarted()
-            self._recorder.end(outcome, message, self._totals(), self.state.now.t, memory)
-            if (told := error or late) is not None and self._keeper.remedy:
-                told.add_note(self._keeper.remedy)
+            self._observer.recorder.end(outcome, message, self._totals(), self.state.now.t, memory)
+            if (told := error or late) is not None and self._standing.remedy:
+                told.add_note(self._standing.remedy)
         finally:
             self._stack.close()
         if error is None and late is not None:
@@ -237,17 +197,17 @@ class Run:
     def _kept_at_end(self, error: BaseException | None) -> Mapping[str, Array]:
         """Keep where the run stands for a resume, the last frame, and what another run may start from: returned."""
         at_end = error is None or isinstance(error, CouplingError)
-        if not (at_end or self._recovered(error)):
+        if not (at_end or self._standing.recovered(error)):
             return {}
         # fault: a run that ends early leaves the checkpoint it had written last, not one of its end -> if
         #   False: | coupler/test_resume::test_ctrl_c_and_resume
-        if not self._finished and self._keeper.on:
+        if not self._finished and self._standing.can_be_kept:
             self._restarted()
-            committed, record = self._committed
-            self._keeper.keep(committed, replace(record, restarts=tuple(self._restarts)))
-        if not (at_end or error is self._broken):
+            self._standing.keep_at_end(self._restarts)
+        if not (at_end or self._standing.broken_by(error)):
             return {}
-        self._frame()  # where the run stopped; both halves are at the end of the last accepted window
+        # Where the run stopped; both halves are at the end of the last accepted window.
+        self._observer.frame(self.state.now)
         return self._memory()
 
     @property
@@ -267,19 +227,12 @@ class Run:
         Raises CouplingError when a window cannot be solved, HalfError when a half died.
         """
         kinks = {self.plan.schedule.clock.seconds(k) for k in self.plan.schedule.kinks}
-        self._frames = self._frames_from_here()
+        self._observer.frames_from(self._at.control.number, self.state.now.t)
         self._until = float("inf") if until is None else until * (1 - SAME_TIME)
         self._finished = finished(self._at, self.plan)
         if not self._begun:
             self._begun = True
-            look = self._look(framed=True)
-            self._recorder.start(self.state.now, self._probes.values(self.state.now, look),
-                                 friction(self.halves.mechanical, look), self._conditions.read(look),
-                                 self._outputs.ranges(self.state.now, self.scenario.interface, look))
-            self._frame(look)
-            self._trust = self._looked_at_mesh(look)
-            self._choice = self._choice.begun(self.state.now)
-            self._look_at_equilibrium(look)
+            self._observer.start(self.state.now, self._finished)
         self._commit()
         while not (self._finished or self._interrupts.asked or self.state.now.t >= self._until):
             self._meter.begin()
@@ -290,43 +243,24 @@ class Run:
                 notes = (*notes, *self._warnings.after(self.state.now, tried.solved.state.now),
                          *self._damping.after(self.state.now.t, tried.solved.monitors),
                          *self._fluttering(tried))
-                self._trust = self._trust_watch.after(
-                    self._trust, (self.state.now, tried.solved.state.now),
-                    Ledger().after(tried.solved.terms).everything,
-                    fresh=self.state.now.t in kinks, forced=tried.solved.anyway, looked=tried.looked,
-                    inputs=tried.before.settings.inputs.get("thermal", {}),
-                    monitors=tried.solved.monitors)
-                if self.plan.instants:
-                    self._trust = self._trust_watch.acted(self._trust, tried.acted)
+                self._observer.judge(tried, self.state.now, self.state.now.t in kinks, bool(self.plan.instants))
                 self.ledger = self.ledger.after(tried.solved.terms)
-            elif tried.mended is not None:
-                self._trust = self._trust_watch.mended(self._trust, tried.mended, tried.t + tried.H, tried.H)
+            else:
+                self._observer.judge_rejected(tried)
             self._at = tried.after
             self._finished = finished(self._at, self.plan)
             self.noticed += tried.notes
             if tried.accepted:
-                asked = self._frames.due(tried.number + 1, self.state.now.t) or self.state.now.t in kinks
-                self._choice, due, thin = self._choice.after(self.state.now, bool(tried.event), asked)
-                # fault: a window is recorded before its frame is read -> look = self._look(framed=False) |
-                #   coupler/test_look
-                look = self._look(framed=due)
-                # Of a frame, and of the end: in every window it would cost what stress costs.
-                # fault: what the mesh misses is not asked for -> if False: | coupler/test_trust_mesh
-                if due or self._finished:
-                    self._trust = self._looked_at_mesh(look)
-                self._record(tried, look)
-                if thin:
-                    self._recorder.thin()
-                if due:
-                    self._frame(look, chosen=not asked)
-                self._look_at_equilibrium(look)
+                self._observer.accepted(tried, self.state.now, self.ledger, self._monitors_of_rules(),
+                                        kink=self.state.now.t in kinks, at_end=self._finished)
                 self._commit()
             else:
                 # fault: a checkpoint in the middle of a rejected window keeps the record of the try ->
-                #   self._record(tried, Look(self._both, {})); self._committed = self._committed[0],
-                #   self._run_record() | coupler/test_resume_in_a_try
-                self._record(tried, Look(self._both, {}))
-            self._recorder.timed(self._meter.end())
+                #   self._observer.rejected(tried, self.state.now, self.ledger);
+                #   self._standing.note(Committed(self.state, tried.before), self._run_record()) |
+                #   coupler/test_resume_in_a_try
+                self._observer.rejected(tried, self.state.now, self.ledger)
+            self._observer.recorder.timed(self._meter.end())
             elapsed = time.perf_counter() - self._started
             status = RunStatus(self.scenario.coupling.end, self._total, elapsed, self.ledger)
             yield progress(tried, status, self._time_to_go, notes)
@@ -375,54 +309,17 @@ class Run:
         self.ledger, self.noticed = record.ledger, list(record.noticed)
         self.halves = halves_of(self.halves.thermal, self.halves.mechanical, self.plan, self.scenario.interface)
         self._warnings.put_back(record.seen, record.said)
-        self._trust, self._choice = record.trust, record.choice
-        self._recorder.rewind(to.t, record.rows)
-        self._framed, self._tried = min(self._framed, record.framed), None
-        self._finished, self._frames = finished(self._at, self.plan), self._frames_from_here()
+        self._observer.rewind(record, to.t)
+        self._observer.frames_from(self._at.control.number, self.state.now.t)
+        self._tried, self._finished = None, finished(self._at, self.plan)
         self._stand()
 
-    def _look_at_equilibrium(self, look: Look) -> None:
-        """Ask the mechanical half now and then whether its equilibrium is stable."""
-        t, end = self.state.now.t, self.scenario.coupling.end
-        if STABLE not in self.halves.mechanical.blocks or not self._trust_watch.wants_equilibrium(
-                self._trust, t, end, at_end=self._finished):
-            return
-        directions = float(look.read("mechanical", [STABLE])[STABLE])
-        self._trust = self._trust_watch.with_equilibrium(self._trust, directions, t)
-
-    def _look(self, framed: bool) -> Look:
-        """Read what is recorded of a window, and of a frame if there is one."""
-        more = (self._outputs.frame_names, self._of_mesh) if framed else ()
-        return Look(self._both, together(self._each_window, *more))
-
-    def _looked_at_mesh(self, look: Look) -> TrustLog:
-        """Return the trust log with what the meshes miss now."""
-        told, of_heat = ({n: float(v) for n, v in look.read(role, self._of_mesh[role]).items()}
-                         for role in ("mechanical", "thermal"))
-        return self._trust_watch.looked_at_mesh(self._trust, told, of_heat, self.state.now.t)
-
-    def _record(self, tried: Tried, look: Look) -> None:
-        facts: dict[str, float | str] = {"t": tried.t, "H": tried.H, "seconds": tried.seconds}
-        facts["scheme"] = tried.solved.scheme.value
-        monitors: dict[str, float] = {}
-        if self.plan.rules and tried.accepted:
-            all_of_them = self.monitors()
-            monitors = {n: all_of_them[n] for n in rules.wanted(self.plan.rules) if n in all_of_them}
-        record = WindowRecord(tried.reason, tried.event, tried.fired, tried.error, monitors)
-        if tried.accepted:
-            record = replace(record, friction=friction(self.halves.mechanical, look),
-                             conditions=self._conditions.read(look),
-                             ranges=self._outputs.ranges(tried.solved.state.now, self.scenario.interface, look))
-        # Read once more only where the halves went on from there.
-        followed = tried.looked if self.scenario.probes else None
-        probes = self._probes.values(self.state.now, look) if followed is None else followed.values
-        self._recorder.window(tried.solved, facts, self.ledger, probes, record)
-
-    def _frames_from_here(self) -> Frames:
-        """Return the frames that are still due."""
-        frames = self.scenario.output.frames()
-        frames.due(self._at.control.number, self.state.now.t)
-        return frames
+    def _monitors_of_rules(self) -> dict[str, float]:
+        """Return what rules look at, as it is now; empty where there are none."""
+        if not self.plan.rules:
+            return {}
+        all_of_them = self.monitors()
+        return {n: all_of_them[n] for n in rules.wanted(self.plan.rules) if n in all_of_them}
 
     @property
     def _total(self) -> int:
@@ -433,28 +330,8 @@ class Run:
         try:
             return step(self.halves, self._at, self.plan)
         except (HalfError, LinkError) as exc:
-            self._broken = exc
+            self._standing.broke(exc)
             raise
-
-    def _recovered(self, error: BaseException | None) -> bool:
-        """Bring both halves back to the end of the last accepted window, as far as that can be, and keep it."""
-        if not isinstance(error, (HalfError, LinkError)) or not self._keeper.on:
-            return False
-        if self._launched.recover is None:
-            # Only of a failure inside a window is it known where the halves had been.
-            return error is self._broken and isinstance(error, HalfError) and error.went_back
-        if len(self._places) < len(self.scenario.halves):
-            return False
-        try:
-            # fault: after a failure a half stays where that left it -> pass |
-            #   coupler/test_restarts::test_without_restarts_nothing_is_lost_either
-            self._launched.recover(self._places)
-            for half in (self.halves.thermal, self.halves.mechanical):
-                state_of(half)
-        except (HalfError, LinkError) as exc:
-            error.add_note(f"the end of the last accepted window could not be kept: {exc}")
-            return False
-        return True
 
     def _fluttering(self, tried: Tried) -> tuple[str, ...]:
         """Return the notes on pairs that open and close without end, and note them."""
@@ -471,22 +348,20 @@ class Run:
 
     def _stand(self) -> None:
         """Note where the run stands: what a checkpoint of it holds, and where the halves are."""
-        self._committed, self._places = (self._at, self._run_record()), self._launched.places()
+        self._standing.note(self._at, self._run_record())
 
     def _commit(self) -> None:
         """Note where the run can be resumed from; write a checkpoint where one is due."""
         self._stand()
-        if self._keeper.due:
-            self._keeper.keep(*self._committed)
-            if self._keeper.trouble and self._keeper.trouble not in self.noticed:
-                self.noticed.append(self._keeper.trouble)
+        if (trouble := self._standing.keep_if_due()) and trouble not in self.noticed:
+            self.noticed.append(trouble)
 
     def _run_record(self) -> RunRecord:
         """Return what was recorded and reported up to now."""
-        contact, warned = self._warnings.memory
-        return RunRecord(self._recorder.mark, self.ledger, contact, warned, tuple(self.noticed), self._framed,
-                    self._seconds(), self.setup_seconds, self._resumed, self._recorder.rows,
-                    tuple(self.plan.rules), self._trust, self._choice, tuple(self._restarts))
+        (contact, warned), seen = self._warnings.memory, self._observer
+        return RunRecord(seen.recorder.mark, self.ledger, contact, warned, tuple(self.noticed), seen.framed,
+                         self._seconds(), self.setup_seconds, self._resumed, seen.recorder.rows,
+                         tuple(self.plan.rules), seen.trust, seen.choice, tuple(self._restarts))
 
     def _continue_from(self, since: Checkpoint, halves: Mapping[str, Half]) -> None:
         """Restore everything from a checkpoint."""
@@ -504,11 +379,12 @@ class Run:
         #   Committed(since.committed.state, replace(since.committed.control, ends=())), record.ledger,
         #   list(record.noticed) | coupler/test_resume::test_cut_and_iterated_windows_resume_anywhere
         self._at, self.ledger, self.noticed = since.committed, record.ledger, list(record.noticed)
-        # fault: frames that were kept are kept again after a resume -> self._framed, self._begun = record.framed, False
-        #   | coupler/test_resume::test_stopped_twice_and_resumed_it_is_the_undisturbed_run
-        self._framed, self._begun = record.framed, True
+        # fault: frames that were kept are kept again after a resume -> self._begun = False |
+        #   coupler/test_resume::test_stopped_twice_and_resumed_it_is_the_undisturbed_run
+        self._begun = True
+        self._observer.framed = record.framed
         self._warnings.put_back(record.seen, record.said)
-        self._trust, self._choice = record.trust, record.choice
+        self._observer.put_back(record)
         number = since.committed.control.number
         t = self.state.now.t
         self._time_to_go = RemainingTime(number / self._total if self._total else t / self.scenario.coupling.end)
@@ -524,17 +400,6 @@ class Run:
         #   coupler/test_clock
         return self._spent + (time.perf_counter() - self._started)
 
-    def _frame(self, look: Look | None = None, chosen: bool = False) -> None:
-        """Record the fields as they are now, once.  look : at them; None: none was taken yet.
-
-        chosen : as in Recorder.frame.
-        """
-        if self.state.now.t == self._framed:
-            return
-        self._framed = self.state.now.t
-        look = Look(self._both, self._outputs.frame_names) if look is None else look
-        self._recorder.frame(self.state.now, self._outputs.read(look), chosen)
-
     def _memory(self) -> Mapping[str, Array]:
         """Return what another run may start from; what stands in the way is a note, for it ends no run."""
         try:
@@ -543,21 +408,14 @@ class Run:
             self.noticed.append(f"no other run can start from the displacements of this one: {exc}")
             return {}
 
-    def _judged(self) -> tuple[Check, ...]:
-        """Return the trust table of what both halves and the exchange did."""
-        delivered = {block: account.delivered for block, account in self.state.accounts.items()}
-        return self._trust_watch.judged(self._trust, self.ledger.everything, delivered,
-                                        rules=bool(self.plan.instants))
-
     def _totals(self) -> dict[str, Any]:
+        checks = self._observer.judged(self.state, self.ledger, bool(self.plan.instants))
         heats = {HEATS[n].replace(" ", "_"): {"made": a.made, "delivered": a.delivered, "carried": float(a.carry.sum())}
                  for n, a in self.state.accounts.items()}
         return {"seconds": self._seconds(), "setup_seconds": self.setup_seconds, "resumed_at": list(self._resumed),
                 "made": {n: a.made for n, a in self.state.accounts.items()}, "restarts": list(self._restarts),
                 "notes": [*self._warnings.at_end(self.state.now), *self.noticed],
-                "trust": [c.as_dict() for c in (*self._judged(), *trust_rows(self._verdicts))],
-                "probe_errors": self._trust_watch.probe_errors(self._trust),
-                "looks": {"windows": self._trust.errors.looked, "solves": self._trust.errors.solves},
+                "trust": [c.as_dict() for c in (*checks, *trust_rows(self._verdicts))], **self._observer.errors,
                 # fault: what contact was asked is not in the totals -> "contact": {}, **heats} |
                 #   coupler/test_killed_in_traction
                 "contact": self._asked(), **heats}
