@@ -3,29 +3,24 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from contact.half.contact_client import History
-from contact.half.functions import SNAP
 from contact.half.interface import Interface
 from contact.half.linalg import SingularMatrixError
-from contact.half.memory import LAYOUT
-from contact.half.model import Discard, Done, Link, Outputs, Value, Values, Variable
+from contact.half.model import Discard, Done, Link, Value, Values
 from contact.half.program import ProgramError
 from contact.half.volume import volume_mesh
 from contact.problem.mechanical import Solution, Start
 from mechanical_fmu.advance import (
-    NOT_GIVEN,
     Departure,
     PartWayError,
     StepDrive,
     StepResult,
     Task,
-    between,
     drive_of,
     expected_change,
     in_pieces,
@@ -34,206 +29,24 @@ from mechanical_fmu.advance import (
     predicted,
     solved,
 )
-from mechanical_fmu.contact import contact_outputs, contact_variables, slid
-from mechanical_fmu.dynamics import BodyMotion, end_residual, first_motion, stable_step
+from mechanical_fmu.contact import slid
+from mechanical_fmu.dynamics import BodyMotion, first_motion, stable_step
+from mechanical_fmu.elastic_face import elastic_variables, outputs_of
+from mechanical_fmu.elastic_state import ElasticState, after_release
 from mechanical_fmu.enforcement import ContactQuery, contact_history, contact_query
 from mechanical_fmu.given import ElasticMaterial, MechanicalVolume
-from mechanical_fmu.heat import flow_outputs, flow_variables, log_dilatation, moved_heat
+from mechanical_fmu.heat import log_dilatation
 from mechanical_fmu.material import MaterialRangeError, SolidMaterial
-from mechanical_fmu.named_forces import ForcesAt
 from mechanical_fmu.newton import Equilibrium, NoEquilibriumError, SolverSettings
 from mechanical_fmu.problem import METHODS, parse_elastic, parse_foreign
 from mechanical_fmu.program import MechanicalProgram
-from mechanical_fmu.stress_outputs import Moved, mesh_variables, stress_outputs, stress_variables
+from mechanical_fmu.stress_outputs import Moved
 from mechanical_fmu.system import ForceBalance, Loading, System, system_of
 from mechanical_fmu.tangent import MAX_SURFACE_DOFS, StiffnessAnchor, refuse_loose, refuse_unheld
-from mechanical_fmu.unstable import UNKNOWN, unstable_outputs, unstable_variables
-from mechanical_fmu.volume import CellError, CellInversionError, PointStep
-from mechanical_fmu.warm import Beginning, beginning, memory_layout
-
-# The state of the elastic half: all that evolves.
+from mechanical_fmu.volume import CellError, CellInversionError
+from mechanical_fmu.warm import Beginning, beginning
 
 Floats = NDArray[np.float64]
-
-
-@dataclass(frozen=True)
-class ElasticState:
-    """u : (n, 2) [m] at time t [s], n nodes and the reference rows of rigid bodies.  contact : its history.
-
-    anchor_u, anchor_T : where the stiffness was last taken, (n, 2) [m] and (n_nodes,) [K].
-    anchored : whether its factor is in use.
-    drive : what u is in equilibrium with.  solved : the time of that [s]; later steps were skipped.
-    history : (n_history,) of points and cells (System.start_history).
-    v, a : (n, 2) [m/s], [m/s2], and f : (n, 2) [N] internal less external force; (0, 2) without inertia.
-    push : (n, 2) [N] the contact forces of f, stored : [J] in contact's springs (dynamics.BodyMotion).
-    skipped : steps left out in a row, all_skipped : since the start.
-    damped : [J] of what damped bodies that contact did not hold yet, since the start.
-    released : numbers of the displacements that prescribe nothing any more.  handed : (n, 2) [N] what held those that
-    were released last, (0, 2) where none were.
-    slid : (n_q,) [m] that slave nodes have slipped since the start, (0,) where nothing can.
-    """
-
-    t: float
-    u: Floats
-    contact: History
-    anchor_u: Floats
-    anchor_T: Floats
-    anchored: bool
-    drive: StepDrive
-    solved: float
-    history: Floats
-    v: Floats
-    a: Floats
-    f: Floats
-    push: Floats = field(default_factory=lambda: np.empty((0, 2)))
-    stored: float = 0.0
-    skipped: int = 0
-    all_skipped: int = 0
-    damped: float = 0.0
-    released: tuple[int, ...] = ()
-    handed: Floats = field(default_factory=lambda: np.empty((0, 2)))
-    slid: Floats = field(default_factory=lambda: np.empty(0))
-
-
-# What the elastic half says of itself: its variables, and its outputs after a step.
-
-def makes_heat(system: System) -> bool:
-    """Say whether E_M can be anything but 0."""
-    return system.volume.makes_heat or system.spec.stated.thermoelastic_heat
-
-
-def elastic_variables(system: System) -> tuple[Variable, ...]:
-    """List the inputs and outputs of the half; what the scene cannot make is not among them."""
-    interface, spec = system.interface, system.spec
-    n, n_q, n_cells = mesh_nodes(system), interface.pair_nodes.size, system.volume.n_cells
-    T_ref = np.array([m.T_ref for m in spec.materials])[spec.part_material[:len(interface.bodies)]]
-    # A node outside every cell (body -1) takes the last body's; nothing depends on it.
-    inputs = [Variable("T", (n,), "input", "K", T_ref[interface.node_body[:n]], description="temperature at the end",
-                       on="nodes")]
-    if system.melts:
-        inputs.append(Variable("f_s", (n,), "input", "1", NOT_GIVEN, description="solid fraction at the end; -1: by T",
-                               on="nodes"))
-    for name in spec.load_names:
-        inputs += [Variable(f"load.{name}", (), "input", "1", 1.0, description="factor"),
-                   Variable(f"bc.{name}", (), "input", _unit(system, name), 0.0, description="added to the value")]
-    outputs = [Variable("x", (n, 2), unit="m", start=interface.nodes[:n], description="current coordinates",
-                        on="nodes"),
-               *stress_variables(system), Variable("iterations"), Variable("residual"),
-               Variable("cuts", description="pieces of the step beyond the first")]
-    if system.program is not None:
-        outputs.append(Variable("program.runs", description="runs of the program in the step"))
-    outputs += [Variable(f"reaction.{name}", (2,), unit="N", description="force of the prescribed displacements",
-                         on="none")
-                for name in interface.bodies]
-    outputs += [Variable(LAYOUT, kind="String", start=memory_layout(system).text(), variability="constant"),
-                *system.named.variables]
-    outputs += flow_variables(system)
-    if makes_heat(system):
-        outputs.append(Variable("E_M", (n_cells,), unit="J", description="mechanical heat made in the substep",
-                                on="cells"))
-    if spec.stated.adiabatic:
-        outputs.append(Variable("E_S", (n_cells,), unit="J", description="heat moved by squeezing at frozen entropy",
-                                on="cells"))
-        inputs.append(Variable("control.mode", (), "input", start=0, kind="Integer",
-                               description="0 isothermal, 1 adiabatic"))
-    if spec.stated.skip is not None:
-        outputs.append(Variable("skipped", description="steps skipped since the start"))
-    if damps(system):
-        outputs.append(Variable("work.stabilisation", unit="J", description="work of what damped bodies until contact "
-                                                                            "held them, since the start"))
-    if system.rigid is not None:
-        outputs += [Variable(f"motion.{interface.bodies[b]}", (3,), unit="1",
-                             description="u_x, u_y [m] and angle [rad] of the reference point", on="none")
-                    for b in system.rigid.body]
-    # Who reads what lies near reads what is costly by the way, so that is the last.
-    return (*inputs, *outputs, *(contact_variables(n_q, system.contact.slips, with_status=True,
-                                                   tied=system.contact.tied is not None) if n_q else ()),
-            *mesh_variables(system), *unstable_variables(system))
-
-
-def damps(system: System) -> bool:
-    """Say whether a body may have to be damped until contact holds it."""
-    let_go = any(d.until is not None for d in system.spec.displacements)
-    return (system.can_be_loose or let_go) and bool(system.interface.pairs) and not system.spec.stated.inert
-
-
-def mesh_nodes(system: System) -> int:
-    """Count the nodes of the mesh, reference rows of rigid bodies apart."""
-    return len(system.interface.nodes) if system.rigid is None else system.rigid.first
-
-
-def outputs_of(system: System, found: StepResult, moved: Moved, state: ElasticState) -> Outputs:
-    """Compute all outputs at the end of a step that was solved."""
-    balance, n = found.balance, mesh_nodes(system)
-    outputs: dict[str, Value] = {
-        "x": system.interface.nodes[:n] + balance.u[:n],
-        "iterations": float(found.iterations), "residual": found.residual, "cuts": float(found.cuts)}
-    if system.program is not None:
-        outputs["program.runs"] = float(found.runs)
-    # An explicit step has no acceleration of what is held: their own masses, lumped at the nodes, are left out.
-    residual = balance.r if found.dt_stable else end_residual(system, balance, found.motion)
-    held = residual * (1.0 - system.constraints.free.reshape(-1, 2))
-    for i, name in enumerate(system.interface.bodies):
-        outputs[f"reaction.{name}"] = held[system.interface.node_body == i].sum(axis=0)
-    if system.rigid is not None:
-        for k, body in enumerate(system.rigid.body):
-            point, turn = system.rigid.point_rows[k], system.rigid.turn_rows[k]
-            name = system.interface.bodies[body]
-            outputs[f"motion.{name}"] = np.array([*balance.u[point], balance.u[turn, 0] / system.rigid.size[k]])
-            outputs[f"reaction.{name}"] = held[point]
-    at = ForcesAt(residual, system.interface.nodes + balance.u, state.drive.pressure, state.drive.dead)
-    outputs |= system.named.outputs(at)
-    if system.spec.stated.skip is not None:
-        outputs["skipped"] = float(state.all_skipped)
-    if damps(system):
-        outputs["work.stabilisation"] = state.damped
-    outputs |= flow_outputs(system, PointStep(moved.loading.step.dt, moved.history), found.balance.history)
-    outputs |= _heats(system, found, moved, state)
-    if balance.tractions is not None:
-        outputs |= contact_outputs(balance.tractions, state.slid if system.contact.slips else None,
-                                   system.contact.tied)
-    stress = stress_outputs(system, found, moved)
-    # Of what a run asks for a dozen times a state in bytes keeps nothing: it would cost a factorisation each.
-    seldom = unstable_outputs(system, found, moved)
-    return replace(stress, now=outputs | dict(stress.now), apart={**stress.apart, **seldom},
-                   unless_asked=dict.fromkeys(seldom, UNKNOWN))
-
-
-def _heats(system: System, found: StepResult, moved: Moved, state: ElasticState) -> dict[str, Value]:
-    """E_M and E_S [J] of the step, where the scene has them."""
-    out: dict[str, Value] = {}
-    n = system.volume.n_cells
-    made = found.heat if found.heat.size else np.zeros(n)
-    squeezed = moved.frozen or system.spec.stated.thermoelastic_heat
-    end = state.drive
-    heat = np.zeros(n)
-    if squeezed:
-        T, f_s = 0.5 * (moved.drive.T + end.T), between(moved.drive, end, 0.5).f_s
-        before = log_dilatation(system, moved.u, moved.history)
-        after = log_dilatation(system, found.balance.u, found.balance.history)
-        heat = moved_heat(system, T, f_s, before, after)
-    if makes_heat(system):
-        # What is moved at frozen entropy goes out as E_S: counted once.
-        out["E_M"] = made if moved.frozen else made + heat
-    if system.spec.stated.adiabatic:
-        out["E_S"] = moved_heat(system, end.T, end.f_s, before, after) if moved.frozen else np.zeros(n)
-    return out
-
-
-def _unit(system: System, name: str) -> str:
-    """Unit of the condition(s) of a name: what bc.<name> is given in."""
-    spec = system.spec
-    for d in spec.displacements:
-        if d.turn is not None and d.turn.name == name:
-            return "rad"
-        if d.name == name:
-            return "rad" if d.component == 2 else "m"
-    if any(p.name == name for p in spec.pressures):
-        return "Pa"
-    load = next(d for d in spec.dead if d.name == name)
-    if load.component == 2:
-        return "N.m"
-    return {"traction": "Pa", "force": "N", "gravity": "m/s2", "body_force": "N/m3"}[load.kind]
 
 
 # The first guess of a scene in which a body rests on another, their gap 0: nothing presses yet, so nothing holds.
@@ -261,28 +74,6 @@ def resting(system: System, u: Floats, loading: Loading) -> ForceBalance:
         query = loading.query.with_multipliers(np.where(slaves, -pressure, 0.0))
         return predicted(system, u, replace(loading, query=query), True)
     return first
-
-
-# Conditions that end.
-
-def after_release(system: System, state: ElasticState, found: ForceBalance) -> ElasticState:
-    """Return the state with what is released from here on: at a time that has come, or by a pair that has closed."""
-    going = [i for i, d in enumerate(system.spec.displacements) if d.until is not None and i not in state.released
-             and _has_come(system, d.until, state.t, found)]
-    if not going:
-        return state if not len(state.handed) else replace(state, handed=np.empty((0, 2)))
-    released = tuple(sorted({*state.released, *going}))
-    free = system.without(released).constraints.free - system.constraints.free
-    return replace(state, released=released, handed=(found.r.ravel() * free).reshape(found.r.shape), anchored=False)
-
-
-def _has_come(system: System, until: float | str, t: float, found: ForceBalance) -> bool:
-    if isinstance(until, float):
-        return t >= until * (1.0 - SNAP)
-    if found.tractions is None:
-        return False
-    slaves = system.contact.on_slaves([until])
-    return bool((found.tractions.t_N[slaves] < 0.0).any())
 
 
 # An old factor that needs more iterations than this in a step has had its time.
