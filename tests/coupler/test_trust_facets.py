@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -14,7 +15,8 @@ sys.path.insert(0, str(Path(__file__).parents[1]))
 from random_scenes.scene import Scene
 from random_scenes.story import Story, told
 
-from coupler.trust.facets import GAPS, NAME, strays_of
+from coupler.trust.facets import GAPS, NAME, FacetLog, Facets, checks, strays_of
+from coupler.trust.penetration import Yields
 
 A, B, C, DELTA = 0.012, 0.028, 0.047, 2.0e-5
 SHAFT, HUB = (1.1e11, 0.34), (2.1e11, 0.29)
@@ -116,3 +118,25 @@ def test_a_gap_to_chords_is_told(exchange: bool) -> None:
     np.testing.assert_allclose(gaps(mended), 5.0e-5, rtol=1e-2)
     assert not mended.says(GAPS)
     assert not fitted((16, 16), exchange, drawn=-5.0e-5).says(GAPS)
+
+
+def test_the_first_touch_of_a_ball_counts_by_its_pressure() -> None:
+    """Of a faint touch the edges make as much pressure as of a firm one: all of the first, little of the second."""
+    story = fitted((13, 17), drawn=-5.0e-5)
+    facets = Facets(story.interface, Yields(story.interface))
+    side = next(side for side in story.interface.pair_sides if side.own)
+
+    def rows(*pressures: float) -> tuple[float, str]:
+        log = FacetLog()
+        for n, p in enumerate(pressures):
+            t_N, covered = np.zeros_like(story.levels[-1].t_N), np.zeros_like(story.levels[-1].t_N)
+            t_N[side.at], covered[side.at] = -p, 1.0
+            log = facets.watched(log, replace(story.levels[-1], t=float(n), t_N=t_N, covered=covered))
+        row = checks(log, facets)[0]
+        return row.number, row.verdict
+
+    faint, firm = rows(1.0e5), rows(1.0e11)
+    assert faint[0] == pytest.approx(1.0e6 * firm[0])
+    assert (faint[1], firm[1]) == ("broken", "holds")
+    for pressures in ((1.0e5, 1.0e11), (1.0e11, 1.0e5)):
+        assert rows(*pressures) == (pytest.approx(firm[0]), "holds")

@@ -114,3 +114,12 @@ def test_what_bodies_that_meet_miss_is_added():
     assert (rest.number, rest.verdict) == (0.0, "holds")
     (check,) = heat_mesh.checks(heat_mesh.watched(log, {"mesh.T_missed.a": 45.0}, 1.0), 100.0, ())
     assert (check.verdict, "3 times as many cells" in check.remedy) == ("broken", True)
+
+
+@pytest.mark.parametrize(("span", "missed", "verdict"), [
+    (1e-9, 1e-9, "holds"),  # a block at rest on a slope, warmed by the last of its friction
+    (2e-3, 1e-3, "broken")])
+def test_bodies_that_hardly_warm_are_not_held_against_their_own_warmth(span, missed, verdict):
+    log = heat_mesh.watched(heat_mesh.HeatMeshLog(), {"mesh.T_missed.a": missed}, 1.0)
+    (check,) = heat_mesh.checks(log, span, ())
+    assert check.verdict == verdict
