@@ -7,10 +7,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from contact.compiled import kernel
+from contact.faced import Rise
 from contact.messages import Facing, Floats, Ints
 from contact.pair_nodes import pair_nodes_at
 from contact.rounding import end_turns, rounding_of, turned_ends
-from contact.search import Rise, pass_points
+from contact.search import pass_points
 from contact.surfaces import RegisteredSurfaces, checked_reals, edge_frames
 from contact.tied import points_now
 

@@ -33,7 +33,7 @@ from contact.piece import (
     ray_length,
     rounding_change,
 )
-from contact.search import GAUSS
+from contact.quadrature import GAUSS
 from contact.surfaces import RegisteredSurfaces, frame_of
 from contact.tied import bonds_at, tied_couplings, ties_of
 from contact.traction import evaluated, piece_cuts, piece_nodes, shares_normal

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from contact.compiled import kernel
 from contact.messages import Floats
-from contact.search import GAUSS
+from contact.quadrature import GAUSS
 
 Flags = NDArray[np.bool_]
 

@@ -11,9 +11,11 @@ from __future__ import annotations
 import numpy as np
 
 from contact.compiled import kernel
+from contact.cuts import CUT_TOLERANCE
+from contact.faced import ray
 from contact.messages import Floats, Ints
 from contact.piece import field_normal
-from contact.search import CUT_TOLERANCE, ray, widened
+from contact.quadrature import widened
 from contact.surfaces import FACING_COS, Frame, frame_of
 
 

@@ -19,10 +19,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from contact.compiled import kernel
+from contact.faced import ray
 from contact.messages import Floats, Ints
 from contact.penalty import penalties
 from contact.piece import NODES
-from contact.search import GAUSS, master_weights, pass_points, ray, ring
+from contact.quadrature import GAUSS, master_weights, ring
+from contact.search import pass_points
 from contact.surfaces import RegisteredSurfaces, edge_frames, frame_of
 
 # Of a multiplier's own weight: so firmly it stays where nothing feels it, as where both sides are prescribed.

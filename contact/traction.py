@@ -15,6 +15,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from contact.arcs import feet
 from contact.compiled import kernel
 from contact.facing import Cut, cut_surfaces, shapes_of
 from contact.messages import Coupling, Floats, Ints, Traction, Tractions
@@ -42,7 +43,7 @@ from contact.piece import (
     TRIAL_XI,
     piece_stiffness,
 )
-from contact.search import GAUSS, feet
+from contact.quadrature import GAUSS
 from contact.shear_history import ShearHistory, checked_history, noted, remembered
 from contact.slip import slip_since
 from contact.surfaces import CORNER_COS, Frame, RegisteredSurfaces, checked_reals, edge_frames, frame_of
@@ -400,7 +401,7 @@ def piece_nodes(edges: Ints, previous: Ints, following: Ints, e: int, m: int, no
 def piece_cuts(frame: Frame, here: Floats, xi_1: float, xi_2: float, nodal: bool, ends: Floats, moves: Floats) -> None:
     """Fill the cuts of the piece whose Gauss points are xi_1, xi_2, and the node each of them follows.
 
-    nodal : xi_1, xi_2 are the cuts, of a part of half an edge (contact.search.place_node).
+    nodal : xi_1, xi_2 are the cuts, of a part of half an edge (contact.quadrature.place_node).
     here : (6, 2) coordinates of its nodes [m].  ends : (2,) cuts [1], out.  moves : (2,) nodes or FIXED [1], out.
     """
     half = 0.5 * (xi_2 - xi_1) / (2.0 * GAUSS)
