@@ -3,14 +3,11 @@
 from __future__ import annotations
 
 import json
-import math
 import os
 import re
 import shutil
-from collections.abc import Iterable, Iterator, Mapping
-from contextlib import ExitStack, contextmanager
-from dataclasses import dataclass, field
-from itertools import chain, islice
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any
@@ -20,242 +17,28 @@ import numpy as np
 from numpy.typing import NDArray
 
 from coupler.errors import ResultsError
-from coupler.fmu.outputs import On, OutputField, at_nodes, of_pairs, output_field
+from coupler.fmu.outputs import On
 from coupler.record.checksums import FORMAT_BOUNDS, close_texts, put
-from coupler.record.frames import thinned
-from coupler.record.journal import JournalRecord, read_journal
+from coupler.record.field_files import LooseArrays, outputs_of, write_field_files
+from coupler.record.gathered import KILLED, Gathered, gathered
+from coupler.record.journal import read_journal
 from coupler.record.paths import making_of, put_away
 from coupler.record.tables import (
     CALL_FIELDS,
     ERROR_FIELDS,
     ESTIMATE_FIELDS,
-    EXCHANGED,
     EXCHANGED_IN_PAIRS,
     FIELDS,
     FORMAT,
     FORMAT_VERSION,
     ITERATE_FIELDS,
-    TIMING,
     TIMING_FIELDS,
     WINDOW_FIELDS,
 )
-from coupler.record.vtkhdf import FieldFile, FileField, MeshCells
 from coupler.scenario.conditions import condition_output
 from coupler.schemes.ledger import PREFIX
 
-# What the records of a journal come to: rows of windows that stand, without those that were rewound.
-
 RUNNING = {"outcome": "running", "message": ""}
-KILLED = {"outcome": "killed", "message": "the run was killed; this is all it had written"}
-# What was spent on windows that were rewound is not forgotten with them.
-SPENT = ("solves", "thermal_solves", "mechanical_solves", "thermal_seconds", "mechanical_seconds", "fmi_seconds",
-         "recording_seconds", "seconds")
-
-
-@dataclass
-class Gathered:
-    """rows : of WINDOW_FIELDS.  words : of each row what there is of message, reason, event and fired.
-
-    t [s], probes, conditions, ranges, terms (the ledger so far), monitors, contact (as `contact_row` gives it) : at the
-    start and the ends of the windows taken.
-    frames : numbers of the frames to be kept, from 0.  chosen : of those that were chosen for change.
-    thinnings : when [s] every second of these went, and the frames before that: a rewind brings them back.
-    rewound : windows and what was spent on them.
-    timings, calls : row -> where its time went (coupler.fmu.metered.Timing), where that was told.
-    max_T : [K] at the start.  memory : what another run may start from at the end (contact.half.memory).
-    """
-
-    rows: list[tuple[Any, ...]] = field(default_factory=list)
-    words: list[dict[str, Any]] = field(default_factory=list)
-    iterates: list[tuple[Any, ...]] = field(default_factory=list)
-    estimates: list[tuple[Any, ...]] = field(default_factory=list)
-    errors: list[tuple[Any, ...]] = field(default_factory=list)
-    timings: dict[int, NDArray[Any]] = field(default_factory=dict)
-    calls: dict[int, NDArray[Any]] = field(default_factory=dict)
-    max_T: float | None = None
-    t: list[float] = field(default_factory=list)
-    probes: list[NDArray[Any]] = field(default_factory=list)
-    conditions: list[NDArray[Any]] = field(default_factory=list)
-    ranges: list[NDArray[Any]] = field(default_factory=list)
-    terms: list[Mapping[str, float]] = field(default_factory=list)
-    monitors: list[Mapping[str, float]] = field(default_factory=list)
-    contact: list[Mapping[str, NDArray[Any]]] = field(default_factory=list)
-    frames: dict[int, float] = field(default_factory=dict)
-    chosen: list[int] = field(default_factory=list)
-    thinnings: list[tuple[float, dict[int, float]]] = field(default_factory=list)
-    rewound: dict[str, float] = field(default_factory=dict)
-    end: Mapping[str, Any] = field(default_factory=lambda: KILLED)
-    memory: Mapping[str, NDArray[Any]] = field(default_factory=dict)
-
-
-def gathered(records: Iterable[JournalRecord]) -> Gathered:
-    """What the records after the header tell."""
-    told, frames = Gathered(), 0
-    for record in records:
-        kind, m, a = record.kind, record.meta, record.arrays
-        if f"{TIMING}.row" in a:
-            row = int(a[f"{TIMING}.row"])
-            told.timings[row], told.calls[row] = a[f"{TIMING}.parts"], a[f"{TIMING}.calls"]
-        if kind == "start":
-            told.max_T = m.get("max_T")
-        if kind == "frame":
-            told.frames[frames] = float(m["t_now"])
-            told.chosen += [frames] if m.get("chosen") else []
-            frames += 1
-        elif kind == "thin":
-            told.thinnings.append((told.t[-1] if told.t else -math.inf, told.frames))
-            told.frames = thinned(told.frames, told.chosen)
-        elif kind == "window":
-            _window(told, m)
-        elif kind == "rewind":
-            _rewind(told, float(m["t_now"]), int(m["rows"]))
-        elif kind == "end":
-            told.end, told.memory = m, {n: v for n, v in a.items() if not n.startswith(f"{TIMING}.")}
-        if kind in ("start", "window") and "probes" in a:
-            told.t.append(float(m["t_now"]))
-            told.probes.append(a["probes"])
-            told.conditions.append(a.get("conditions", np.empty(0)))
-            told.ranges.append(a.get("ranges", np.empty((0, 2))))
-            told.terms.append(dict(m["terms"]))
-            told.monitors.append(dict(m.get("monitors", {})))
-            told.contact.append({n.removeprefix("contact."): v for n, v in a.items() if n.startswith("contact.")})
-    return told
-
-
-def _window(told: Gathered, m: Mapping[str, Any]) -> None:
-    number = len(told.rows)
-    told.words.append({n: m[n] for n in ("message", "reason", "event", "fired") if m.get(n)})
-    told.iterates += [(number, *row) for row in m.get("iterates", ())]
-    if m.get("estimate"):
-        told.estimates.append((number, *m["estimate"]))
-    if m.get("errors"):
-        told.errors.append((number, *m["errors"]))
-    told.rows.append(tuple(m[n].encode() if k.startswith("S") else m[n] for n, k in WINDOW_FIELDS))
-
-
-def _rewind(told: Gathered, t: float, rows: int) -> None:
-    """Back to the time t [s], at which so many rows stood."""
-    names = [n for n, _ in WINDOW_FIELDS]
-    gone = told.rows[rows:]
-    told.rewound["windows"] = told.rewound.get("windows", 0) + sum(row[names.index("taken")] for row in gone)
-    for name in SPENT:
-        told.rewound[name] = told.rewound.get(name, 0) + sum(row[names.index(name)] for row in gone)
-    # fault: windows that were rewound stay in the table -> del told.words[rows:] | coupler/test_interactive
-    del told.rows[rows:], told.words[rows:]
-    # fault: the times of windows that were rewound stay -> pass |
-    #   coupler/test_timings::test_windows_that_were_rewound_leave_no_times
-    told.timings, told.calls = ({k: v for k, v in of.items() if k < rows} for of in (told.timings, told.calls))
-    told.iterates = [row for row in told.iterates if row[0] < rows]
-    told.estimates = [row for row in told.estimates if row[0] < rows]
-    told.errors = [row for row in told.errors if row[0] < rows]
-    kept = int(np.searchsorted(told.t, t, side="right"))
-    # fault: extremes of windows that were rewound stay -> for history in (told.t, told.probes, told.conditions,
-    #   told.terms, told.monitors, told.contact): | coupler/test_extremes
-    for history in (told.t, told.probes, told.conditions, told.ranges, told.terms, told.monitors, told.contact):
-        del history[kept:]
-    # fault: a thinning of frames outlives the windows that made it -> while False: | coupler/test_frames
-    while told.thinnings and told.thinnings[-1][0] > t:
-        told.frames = told.thinnings.pop()[1]
-    told.frames = {k: at for k, at in told.frames.items() if at <= t}
-
-
-# Field files of a finished run: frames of the journal to one .vtkhdf a half.
-
-Arrays = dict[str, NDArray[Any]]
-
-
-def write_field_files(folder: Path, meta: dict[str, Any], mesh: Arrays,
-                      frames: Iterable[JournalRecord]) -> list[Path]:
-    """Write every half's frames to a file in `folder`; returns the files written.
-
-    meta : the run's header; "fields" : half -> {"point": [...], "cell": [...]}, "outputs" : what the halves say of
-    those that are no part of the exchange (OutputField), "field_files" : half -> name of its file.
-    mesh : nodes, quads, triangles, quad_body, triangle_body, contact_nodes, pair_nodes.
-    """
-    fields, names, known = meta["fields"], meta["field_files"], outputs_of(meta)
-    body = np.concatenate([mesh["quad_body"], mesh["triangle_body"]]).astype(np.int32)
-    cells, frames = MeshCells(mesh["quads"], mesh["triangles"], len(mesh["nodes"])), iter(frames)
-    begin = list(islice(frames, 1))
-    arrays = begin[0].arrays if begin else {}
-
-    def columns(half: str, at: str) -> list[FileField]:
-        return [_file_field(half, n, known, arrays) for n in fields[half][at]]
-
-    with ExitStack() as stack:
-        files = {half: stack.enter_context(FieldFile(folder / names[half], cells, columns(half, "point"),
-                                                     columns(half, "cell"), {"body": body})) for half in fields}
-        for frame in chain(begin, frames):
-            a = frame.arrays
-            for half, file in files.items():
-                values = {n: _array(half, n, known, a, mesh) for n in (*fields[half]["point"], *fields[half]["cell"])}
-                file.append(float(frame.meta["t_now"]), a["x"], values, values)
-    return [folder / names[half] for half in fields]
-
-
-def outputs_of(meta: Mapping[str, Any]) -> dict[tuple[str, str], OutputField]:
-    """Half and label -> what the half says of it; a header of an earlier version has none."""
-    fields = (output_field(about) for about in meta.get("outputs", ()))
-    return {(field.half, field.label): field for field in fields}
-
-
-def _file_field(half: str, name: str, known: Mapping[tuple[str, str], OutputField], first: Arrays) -> FileField:
-    """How a field is written.  first : the arrays of the first frame, which tell where the header does not."""
-    if field := known.get((half, name)):
-        somewhere = field.on in (On.CONTACT_NODES, On.PAIR_NODES)
-        return FileField(name, field.unit, field.components, field.description, somewhere)
-    if own := next((f for f in EXCHANGED[half] if f.name == name), None):
-        return own
-    array = first.get(name, np.empty(0))
-    return FileField(name, components=int(np.prod(array.shape[1:])))
-
-
-def _array(half: str, name: str, known: Mapping[tuple[str, str], OutputField], a: Arrays, mesh: Arrays) -> NDArray[Any]:
-    """A field of a frame as it is written: on all nodes or all cells."""
-    field = known.get((half, name))
-    if field is None:
-        return a[name]
-    # fault: an output of one half is written under the same name of the other -> array = a.get(f"thermal/{name}",
-    #   a[f"{half}/{name}"]) | coupler/test_outputs::test_two_halves_may_have_outputs_of_one_name
-    array = a[f"{half}/{name}"]
-    if field.on is On.PAIR_NODES:
-        return of_pairs(array, mesh["pair_nodes"], len(mesh["nodes"]), field.unit)
-    return at_nodes(array, mesh["contact_nodes"], len(mesh["nodes"])) if field.on is On.CONTACT_NODES else array
-
-
-@dataclass
-class LooseArrays:
-    """Outputs without a place on the mesh, and what is exchanged of pair nodes, frame after frame.
-
-    fields : what they are.  t [s] : of the frames.  values : half and label -> the arrays of the frames.
-    exchange : name -> arrays (n_q,) of pair nodes, which a field at nodes does not hold: pairs may share a node.
-    """
-
-    fields: Mapping[tuple[str, str], OutputField]
-    t: list[float] = field(default_factory=list)
-    values: dict[tuple[str, str], list[NDArray[Any]]] = field(default_factory=dict)
-    exchange: dict[str, list[NDArray[Any]]] = field(default_factory=dict)
-
-    def taken_from(self, frames: Iterable[JournalRecord]) -> Iterator[JournalRecord]:
-        """The frames, unchanged, after their arrays were taken."""
-        for frame in frames:
-            self.t.append(float(frame.meta["t_now"]))
-            for (half, label), about in self.fields.items():
-                if about.on in (On.BODIES, On.NOTHING):
-                    self.values.setdefault((half, label), []).append(frame.arrays[f"{half}/{label}"])
-            for name, array in _of_pair_nodes(self.fields, frame.arrays):
-                self.exchange.setdefault(name, []).append(array)
-            yield frame
-
-
-def _of_pair_nodes(fields: Mapping[tuple[str, str], OutputField], arrays: Arrays) -> Iterator[tuple[str, NDArray[Any]]]:
-    """What a frame holds of the exchange at pair nodes, by its name at the border; nothing of earlier versions."""
-    for name in EXCHANGED_IN_PAIRS:
-        if name in arrays:
-            yield name, arrays[name]
-        elif (about := fields.get(("mechanical", name))) is not None and about.on is On.PAIR_NODES:
-            yield name, arrays[f"mechanical/{name}"]
-
-
 HDF5_ROOM = 500_000  # bytes that results files take beyond what they hold
 
 

@@ -9,8 +9,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from coupler.record.finish import gathered
 from coupler.record.frames import EVENT, frame_choice, thinned
+from coupler.record.gathered import gathered
 from coupler.record.journal import JournalRecord
 from coupler.record.results import Results
 from coupler.record.tables import WINDOW_FIELDS
