@@ -28,8 +28,9 @@ from pathlib import Path
 import numpy as np
 from scene import pin, table
 
-from contact.half.interface import Interface, Pair, register_message
+from contact.half.interface import Interface, Pair
 from contact.half.linalg import factorise, pattern_of
+from contact.half.register import register_message
 from contact.messages import Project, Registered, Traction
 from contact.rpc.link import Link, open_link
 from contact.rpc.seal import SECRET_BYTES, keep_secret

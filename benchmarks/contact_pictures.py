@@ -18,7 +18,7 @@ from matplotlib.figure import Figure
 from thermal_page import scenes
 
 from contact.facing import cut_surfaces
-from contact.half.interface import register_message
+from contact.half.register import register_message
 from contact.surfaces import edge_frames, surfaces_of
 from coupler.report.figures import COLOURS, INK, line_style, new_figure, styled
 

@@ -19,7 +19,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scene import pin, table
 
-from contact.half.interface import Interface, Pair, register_message
+from contact.half.interface import Interface, Pair
+from contact.half.register import register_message
 from contact.messages import Facing, Project, Registered, Traction, Tractions
 from contact.service import ContactService
 

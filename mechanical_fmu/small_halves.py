@@ -10,9 +10,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from contact.half import checks
+from contact.half.columns import SAME, Columns, columns_of
 from contact.half.contact_client import ContactRefusedError, ContactSurfaces
 from contact.half.functions import Property, Signal, property_from, signal_from
-from contact.half.interface import SAME, Columns, Interface, columns_of
+from contact.half.interface import Interface
 from contact.half.model import Discard, Done, Link, Value, Values, Variable
 from contact.half.prescribed import Turn, turn_from
 from contact.problem.errors import demand, read

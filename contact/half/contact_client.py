@@ -8,8 +8,9 @@ from functools import cached_property
 
 import numpy as np
 
-from contact.half.interface import Interface, register_message, surface_names
+from contact.half.interface import Interface
 from contact.half.model import Link
+from contact.half.register import register_message, surface_names
 from contact.messages import (
     Coupling,
     Couplings,

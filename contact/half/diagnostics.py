@@ -19,7 +19,9 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from contact.facing import project
-from contact.half.interface import Interface, Pair, PairSide, register_message, search_depth, thickness_behind
+from contact.half.interface import Interface, Pair, PairSide
+from contact.half.outlines import thickness_behind
+from contact.half.register import register_message, search_depth
 from contact.messages import Facing, Floats
 from contact.search import SELF_CONTACT_DEPTH
 from contact.surfaces import surfaces_of

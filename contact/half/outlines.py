@@ -1,9 +1,11 @@
-"""Outlines of bodies: their edges, how thick a body is behind a surface, what lies inside, what crosses them."""
+"""Outlines of bodies: their edges, what lies inside and crosses them, how thick they are behind a surface."""
 
 from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
+
+from contact.half.interface import Interface, Pair
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int32]
@@ -98,3 +100,37 @@ def crossings(points: tuple[Floats, Floats], a: tuple[Floats, Floats],
 def cross(u: Floats, v: Floats) -> Floats:
     """Return u x v (...) of vectors (..., 2), in the product of their units."""
     return np.asarray(u[..., 0] * v[..., 1] - u[..., 1] * v[..., 0])
+
+
+def thickness_behind(interface: Interface, pair: Pair) -> float:
+    """Return how thick [m] the thinner body of a pair is behind its surface; 0 where both are of one body, or none."""
+    first, second = (int(interface.node_body[interface.surfaces[side].flat[0]]) for side in (pair.slave, pair.master))
+    if first == second or min(first, second) < 0:
+        return 0.0
+    thick = [thickness(interface.nodes, interface.surfaces[side], outline_of(interface, body))
+             for side, body in ((pair.slave, first), (pair.master, second))]
+    return min(thick) if np.isfinite(thick).all() else 0.0
+
+
+def cell_sizes(interface: Interface, edges: Ints) -> Floats:
+    """Return the size [m] of the cell behind each edge (n, 2): its depth (area over edge; a triangle's height) or the
+    edge, whichever is more.
+    """
+    x, n = interface.nodes, len(interface.nodes)
+    of_cell: list[tuple[Ints, Floats]] = []
+    for cells, share in ((interface.quads, 1.0), (interface.triangles, 2.0)):
+        ends = np.stack([cells, np.roll(cells, -1, axis=1)], axis=-1)
+        area = 0.5 * np.abs(cross(x[ends[..., 0]], x[ends[..., 1]]).sum(axis=1))
+        of_cell.append((ends.reshape(-1, 2), np.repeat(share * area, cells.shape[1])))
+    ends = np.concatenate([e for e, _ in of_cell]).astype(np.int64)
+    keys, areas = ends @ (n, 1), np.concatenate([a for _, a in of_cell])
+    order = np.argsort(keys)
+    own = order[np.searchsorted(keys, edges.astype(np.int64) @ (n, 1), sorter=order)]
+    length = np.linalg.norm(x[edges[:, 1]] - x[edges[:, 0]], axis=1)
+    return np.asarray(np.maximum(areas[own] / length, length))
+
+
+def outline_of(interface: Interface, body: int) -> Indices:
+    """Return the edges (m, 2) on the outside of a body, the body on the left hand."""
+    kinds = ((interface.quads, interface.quad_body), (interface.triangles, interface.triangle_body))
+    return outline(*(cells[of == body] for cells, of in kinds))

@@ -11,8 +11,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from contact.half.interface import Interface, outline_of
-from contact.half.outlines import Flags, Floats, Indices, cross, crossings, depths, inside, mean_thickness
+from contact.half.interface import Interface
+from contact.half.outlines import Flags, Floats, Indices, cross, crossings, depths, inside, mean_thickness, outline_of
 
 # Inside by less than this share of an edge, or of a thin body, is no passage: facing curved meshes overlap by their
 # sagitta, and tips between quadrature points are not felt.

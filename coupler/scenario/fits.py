@@ -13,7 +13,8 @@ from scipy.spatial import cKDTree
 
 from contact.facing import cut_surfaces
 from contact.half.functions import field_from
-from contact.half.interface import Interface, Pair, register_message
+from contact.half.interface import Interface, Pair
+from contact.half.register import register_message
 from contact.problem.pairs import ContactPair
 from contact.surfaces import surfaces_of
 from coupler.scenario.document import Document, DocumentErrors

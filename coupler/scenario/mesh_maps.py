@@ -15,8 +15,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import csr_array
 
-from contact.half.interface import Interface, outline_of
-from contact.half.outlines import cross
+from contact.half.interface import Interface
+from contact.half.outlines import cross, outline_of
 from coupler.scenario.overlaps import Overlap, cell_overlap, nearest_on, surface_overlap
 from coupler.scenario.transfer import BodyNodes, transfer
 

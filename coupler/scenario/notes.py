@@ -12,7 +12,8 @@ from numpy.typing import NDArray
 from contact.half.diagnostics import facing_at, start_notes
 from contact.half.functions import property_from
 from contact.half.gap_area import gap_areas
-from contact.half.interface import Interface, Pair, register_message, search_depth
+from contact.half.interface import Interface, Pair
+from contact.half.register import register_message, search_depth
 from contact.half.signs import wrong_signs
 from contact.half.start import mean_start
 from contact.laws import branch_jump, closed_conductance, open_conductance, parse_law

@@ -16,7 +16,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from contact.half.functions import property_from
-from contact.half.interface import Interface, cell_sizes
+from contact.half.interface import Interface
+from contact.half.outlines import cell_sizes
 from contact.half.start import mean_start
 from coupler.scenario.bodies import MeshedBody
 from coupler.scenario.schema import ScenarioFile

@@ -13,7 +13,8 @@ from collections.abc import Mapping
 import numpy as np
 
 from contact.half.diagnostics import facing_at, nothing_faced
-from contact.half.interface import Interface, cell_sizes
+from contact.half.interface import Interface
+from contact.half.outlines import cell_sizes
 from contact.penalty import in_a_row
 from coupler.scenario.document import Document, DocumentErrors
 

@@ -24,7 +24,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from contact.facing import Cut, cut_surfaces
-from contact.half.interface import Interface, register_message, surface_names
+from contact.half.interface import Interface
+from contact.half.register import register_message, surface_names
 from contact.rounding import rounding_of
 from contact.surfaces import edge_frames, surfaces_of
 from coupler.schemes.levels import Level

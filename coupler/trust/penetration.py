@@ -25,8 +25,8 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from contact.half.interface import Interface, Pair, cell_sizes, outline_of, thickness_behind
-from contact.half.outlines import depths
+from contact.half.interface import Interface, Pair
+from contact.half.outlines import cell_sizes, depths, outline_of, thickness_behind
 from coupler.schemes.levels import Level
 from coupler.trust.checks import Check, TrustVerdict, measured
 

@@ -13,7 +13,8 @@ from scipy.sparse import bsr_matrix
 sys.path.insert(0, str(Path(__file__).parent))
 from contact_scenes import GAP_MAX, ask, chain, flat, passes, push
 
-from contact.half.interface import Interface, Pair, register_message
+from contact.half.interface import Interface, Pair
+from contact.half.register import register_message
 from contact.messages import Coupling, Couplings, Floats, Refused, Register, Registered, Tractions
 from contact.multipliers import ENDS
 from contact.pair_nodes import pair_layout_of

@@ -12,7 +12,7 @@ import pytest
 sys.path.insert(0, str(Path(__file__).parent))
 from contact_scenes import flat, passes, push
 
-from contact.half.interface import register_message
+from contact.half.register import register_message
 from contact.messages import Registered, Traction, Tractions
 from contact.service import ContactService
 

@@ -9,7 +9,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from contact.half.interface import Interface, cell_sizes
+from contact.half.interface import Interface
+from contact.half.outlines import cell_sizes
 from coupler.scenario.penalties import MOST
 from mechanical_fmu.problem import parse_elastic
 

@@ -12,7 +12,8 @@ import meshio
 import numpy as np
 import pytest
 
-from contact.half.interface import Pair, read_interface, register_message
+from contact.half.interface import Pair, read_interface
+from contact.half.register import register_message
 from contact.messages import Facing, Project, Registered
 from contact.service import ContactService
 from coupler.errors import ScenarioError

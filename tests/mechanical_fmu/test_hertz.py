@@ -13,7 +13,8 @@ import pytest
 sys.path.insert(0, str(Path(__file__).parent))
 from mechanical_scenes import EXPECTED, NO_CELLS, done, hold, inputs_of, rectangle
 
-from contact.half.interface import Interface, Pair, cell_sizes
+from contact.half.interface import Interface, Pair
+from contact.half.outlines import cell_sizes
 from contact.rpc.link import open_link
 from mechanical_fmu.elastic_half import load
 

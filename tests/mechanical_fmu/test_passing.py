@@ -17,8 +17,9 @@ from random_scenes.invariants_contact import passing
 from random_scenes.scene import Scene
 from random_scenes.story import told
 
-from contact.half.interface import Interface, Pair, register_message
+from contact.half.interface import Interface, Pair
 from contact.half.passing import passage, sides_of
+from contact.half.register import register_message
 from contact.messages import Facing, Passes, Project, Register, Registered
 from contact.service import ContactService
 

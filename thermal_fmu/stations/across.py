@@ -22,7 +22,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from contact.half.interface import outline_of
+from contact.half.outlines import outline_of
 from thermal_fmu.cells import cell_mesh, shapes_of
 from thermal_fmu.contact_quadrature import ContactPoints, gauss_points
 from thermal_fmu.exchange import conduction_groups, exchange_flow, gap_radiation_flow, radiation_groups

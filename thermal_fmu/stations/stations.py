@@ -13,7 +13,8 @@ from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import reverse_cuthill_mckee
 
 from contact.compiled import kernel
-from contact.half.interface import Columns, Interface, columns_of
+from contact.half.columns import Columns, columns_of
+from contact.half.interface import Interface
 from contact.half.linalg import SingularMatrixError
 from thermal_fmu.cells import CellMesh, InvertedMeshError, cell_mesh, shapes_of
 from thermal_fmu.contact_quadrature import EDGE_WEIGHT, EDGE_XI, shape_functions
