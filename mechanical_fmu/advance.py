@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 
 from contact.half.model import Values
 from contact.half.program import ProgramError
-from contact.messages import Tractions
 from mechanical_fmu.carrying import carried
+from mechanical_fmu.contact import ContactQuery
 from mechanical_fmu.dynamics import BodyMotion, fly, free_flight, inertia_of, motion_after
 from mechanical_fmu.enforcement import solve_step
 from mechanical_fmu.heat import at_frozen_entropy
@@ -137,7 +137,7 @@ class Task:
     start: StepDrive
     end: StepDrive
     dt: float
-    query: Callable[[Floats], Tractions] | None
+    query: ContactQuery | None
     frozen: tuple[Floats, ...] | None
     handed: Floats | None = None
 

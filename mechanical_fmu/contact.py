@@ -3,16 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Collection
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import bsr_matrix, csr_matrix
 
-from contact.half.contact_client import ContactSurfaces
-from contact.half.model import Value, Variable
+from contact.half.contact_client import ContactSurfaces, History
+from contact.half.model import Link, Value, Variable
 from contact.half.passing import Side, sides_of
-from contact.messages import Ints, Tractions
+from contact.messages import Couplings, Ints, Tractions
 
 Floats = NDArray[np.float64]
 
@@ -83,6 +84,40 @@ class MeshContact(ContactSurfaces):
         starts = np.zeros(len(self.interface.nodes) + 1, dtype=np.int32)
         starts[nodes + 1] = np.diff(tractions.starts)
         return np.cumsum(starts, out=starts), nodes[tractions.columns].astype(np.int32)
+
+
+@dataclass(frozen=True)
+class ContactQuery:
+    """What one step asks the contact service: tractions at x : (n_nodes, 2) [m], and how they answer to multipliers.
+
+    history : what contact remembers.  Raises ContactRefusedError.
+    multipliers : (n_m,) [Pa] of the moment; those of the history are of the start of the step.
+    sticking : share of eps_T [1] by which points stick.
+    """
+
+    contact: MeshContact
+    link: Link
+    history: History
+    multipliers: Floats
+    sticking: float = 1.0
+
+    def __call__(self, x: Floats) -> Tractions:
+        """Ask for the contact tractions at x : (n_nodes, 2) [m].  Raises ContactRefusedError."""
+        return self.contact.tractions(self.link, x, self.history, self.multipliers, self.sticking)
+
+    def couplings(self, x: Floats) -> Couplings:
+        """Ask how contact at x : (n_nodes, 2) [m] answers to its multipliers.  Raises ContactRefusedError."""
+        return self.contact.couplings(self.link, x, self.history, self.multipliers, self.sticking)
+
+    def softened(self, sticking: float, memory: float = 0.0) -> ContactQuery:
+        """Let points stick by a share of eps_T [1] only, with a share of the shear of before [1] to begin with."""
+        at = self.history.mobilised_at * [1.0, 1.0, memory]
+        history = replace(self.history, mobilised=memory * self.history.mobilised, mobilised_at=at)
+        return replace(self, history=history, sticking=sticking)
+
+    def with_multipliers(self, multipliers: Floats) -> ContactQuery:
+        """Replace the multipliers of contact; multipliers : (n_m,) [Pa]."""
+        return replace(self, multipliers=multipliers)
 
 
 def _rows(tractions: Tractions, size: int) -> bsr_matrix:

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Protocol
 
 import numpy as np
@@ -11,8 +10,7 @@ from numpy.typing import NDArray
 
 from contact.half.contact_client import History
 from contact.half.model import Link
-from contact.messages import Couplings, Tractions
-from mechanical_fmu.contact import MeshContact
+from mechanical_fmu.contact import ContactQuery
 from mechanical_fmu.multiplier_equations import direction, equations_of
 from mechanical_fmu.newton import (
     MAX_POOR_ITERATIONS,
@@ -31,49 +29,14 @@ from mechanical_fmu.tangent import StiffnessAnchor
 Floats = NDArray[np.float64]
 
 
-# What one step asks the contact service: tractions, and how they answer to the multipliers of the moment.
-
-@dataclass(frozen=True)
-class ContactQuery:
-    """Contact tractions at x : (n_nodes, 2) [m], from what contact remembers.  Raises ContactRefusedError.
-
-    multipliers : (n_m,) [Pa] of the moment; those of the history are of the start of the step.
-    sticking : share of eps_T [1] by which points stick.
-    """
-
-    contact: MeshContact
-    link: Link
-    history: History
-    multipliers: Floats
-    sticking: float = 1.0
-
-    def __call__(self, x: Floats) -> Tractions:
-        """Ask for the contact tractions at x : (n_nodes, 2) [m].  Raises ContactRefusedError."""
-        return self.contact.tractions(self.link, x, self.history, self.multipliers, self.sticking)
-
-    def couplings(self, x: Floats) -> Couplings:
-        """Ask how contact at x : (n_nodes, 2) [m] answers to its multipliers.  Raises ContactRefusedError."""
-        return self.contact.couplings(self.link, x, self.history, self.multipliers, self.sticking)
-
-    def softened(self, sticking: float, memory: float = 0.0) -> ContactQuery:
-        """Let points stick by a share of eps_T [1] only, with a share of the shear of before [1] to begin with."""
-        at = self.history.mobilised_at * [1.0, 1.0, memory]
-        history = replace(self.history, mobilised=memory * self.history.mobilised, mobilised_at=at)
-        return replace(self, history=history, sticking=sticking)
-
-    def with_multipliers(self, multipliers: Floats) -> ContactQuery:
-        """Replace the multipliers of contact; multipliers : (n_m,) [Pa]."""
-        return replace(self, multipliers=multipliers)
-
-
-def contact_query(system: System, link: Link, history: History) -> Callable[[Floats], Tractions] | None:
+def contact_query(system: System, link: Link, history: History) -> ContactQuery | None:
     """Make the query of a step; None where nothing can touch."""
     return ContactQuery(system.contact, link, history, history.multipliers) if system.interface.pairs else None
 
 
 def with_found_multipliers(system: System, loading: Loading, balance: ForceBalance) -> Loading:
     """Return the loading with the multipliers that a balance was found with, where pairs are augmented."""
-    if not isinstance(loading.query, ContactQuery) or balance.tractions is None or not system.spec.augmented:
+    if loading.query is None or balance.tractions is None or not system.spec.augmented:
         return loading
     augmented = system.contact.multiplied(system.spec.augmented)
     return replace(loading, query=loading.query.with_multipliers(np.where(augmented, balance.tractions.multipliers,
@@ -157,7 +120,7 @@ def solve_in_rounds(system: System, loading: Loading, start: ForceBalance, ancho
     Raises NoEquilibriumError, SingularMatrixError, CellInversionError, ContactRefusedError.
     """
     query, augmented = loading.query, system.contact.multiplied(system.spec.augmented)
-    assert isinstance(query, ContactQuery)
+    assert query is not None
     share = min(system.spec.augmented.values())
     found = solve(system, loading, start, anchor, settings)
     for _ in range(MAX_ROUNDS):
@@ -235,7 +198,7 @@ def solve_at_once(system: System, loading: Loading, start: ForceBalance, anchor:
 
 
 def _query(loading: Loading) -> ContactQuery:
-    assert isinstance(loading.query, ContactQuery)
+    assert loading.query is not None
     return loading.query
 
 
@@ -305,5 +268,5 @@ def solve_step(system: System, loading: Loading, start: ForceBalance, anchor: St
 
     Raises NoEquilibriumError, SingularMatrixError, CellInversionError, ContactRefusedError.
     """
-    name = system.spec.enforcement if isinstance(loading.query, ContactQuery) else "penalty"
+    name = system.spec.enforcement if loading.query is not None else "penalty"
     return ENFORCEMENTS[name](system, loading, start, anchor, settings)

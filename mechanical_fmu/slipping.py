@@ -21,7 +21,8 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from mechanical_fmu.enforcement import ContactQuery, solve_step, with_found_multipliers
+from mechanical_fmu.contact import ContactQuery
+from mechanical_fmu.enforcement import solve_step, with_found_multipliers
 from mechanical_fmu.newton import Equilibrium, NoEquilibriumError, SolverSettings
 from mechanical_fmu.stabilisation import stabilised
 from mechanical_fmu.system import ForceBalance, Loading, System
@@ -51,7 +52,7 @@ def slipped(system: System, loading: Loading, first: ForceBalance, settings: Sol
         return stabilised(system, loading, first, settings)
     loading, soft = rests
     query = loading.query
-    assert isinstance(query, ContactQuery)
+    assert query is not None
     u = _moved(system, soft.balance, query.softened(1.0), query.softened(1.0, A_LITTLE), 1.0)
     there = system.balance(u, loading, True)
     try:
@@ -69,7 +70,7 @@ def rested(system: System, loading: Loading, first: ForceBalance, settings: Solv
     Returns the loading with the multipliers found, too; None where nothing touches with friction, or nothing rests.
     """
     query = loading.query
-    if not (isinstance(query, ContactQuery) and system.contact.slips and first.tractions is not None
+    if not (query is not None and system.contact.slips and first.tractions is not None
             and first.tractions.n_touching):
         return None
     soon = replace(settings, max_iterations=min(settings.max_iterations, SOON))
@@ -93,8 +94,8 @@ def rested(system: System, loading: Loading, first: ForceBalance, settings: Solv
         else:
             history += found.history[1:]
             loading, at, done = with_found_multipliers(system, loading, found.balance), found.balance, share
-            assert isinstance(loading.query, ContactQuery)
             query = loading.query
+            assert query is not None
             if done == 1.0:
                 return loading, replace(found, history=tuple(history))
             factor = min(FACTOR, factor * factor)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection
+from collections.abc import Collection
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 
@@ -17,7 +17,7 @@ from contact.messages import Tractions
 from contact.problem.mechanical import Element, State
 from mechanical_fmu.cells import Cells, Treatment, at_points, cells_of
 from mechanical_fmu.constraints import Constraints, RigidBodies, constraints_of, rigid_bodies
-from mechanical_fmu.contact import MeshContact
+from mechanical_fmu.contact import ContactQuery, MeshContact
 from mechanical_fmu.given import GivenMesh, MechanicalVolume
 from mechanical_fmu.laws.law import LIQUID
 from mechanical_fmu.loads import pressure_blocks, pressure_forces
@@ -44,7 +44,7 @@ class Loading:
     """What one equilibrium is sought for.
 
     moduli : one a kind of cell.  target : (n_fixed,) [m].  pressure : one a load [Pa].
-    query : x (n_nodes, 2) [m] -> contact tractions; None where nothing can touch.
+    query : of contact; None where nothing can touch.
     step : time and memory of inelastic points, history as System.start_history gives it or the last ForceBalance.
     dead : (n_nodes, 2) [N] forces that do not follow the bodies, None where there are none.
     inertia : None where it is left out.
@@ -53,7 +53,7 @@ class Loading:
     moduli: tuple[Moduli, ...]
     target: Floats
     pressure: Floats
-    query: Callable[[Floats], Tractions] | None
+    query: ContactQuery | None
     step: PointStep = field(default_factory=PointStep)
     dead: Floats | None = None
     inertia: Inertia | None = None
@@ -61,7 +61,7 @@ class Loading:
     @property
     def sticking(self) -> float:
         """Return the share of eps_T by which points stick; 1 but on the way to a solution."""
-        return float(getattr(self.query, "sticking", 1.0))
+        return 1.0 if self.query is None else self.query.sticking
 
 
 @dataclass(frozen=True)
