@@ -36,15 +36,20 @@ ENTRIES = {name for name, room in picture.ROOMS.items() if room.entry}
 Graph = Mapping[str, set[str]]
 
 
+def stated(node: ast.AST) -> Iterator[str]:
+    """Everything an import statement imports, `a.b.c` for `from a.b import c` too; nothing of another node."""
+    if isinstance(node, ast.Import):
+        yield from (alias.name for alias in node.names)
+    elif isinstance(node, ast.ImportFrom):
+        assert not node.level, f"{ast.unparse(node)}: imports are absolute"
+        yield from (f"{node.module}.{alias.name}" for alias in node.names)
+
+
 def named(path: Path) -> Iterator[str]:
-    """Everything a file imports, `a.b.c` for `from a.b import c` too, by statement or by a text that names a module."""
+    """Everything a file imports, by statement or by a text that names a module."""
     for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
-        if isinstance(node, ast.Import):
-            yield from (alias.name for alias in node.names)
-        elif isinstance(node, ast.ImportFrom):
-            assert not node.level, f"{path}:{node.lineno}: imports are absolute"
-            yield from (f"{node.module}.{alias.name}" for alias in node.names)
-        elif isinstance(node, ast.Constant) and isinstance(node.value, str) and (text := MODULE.match(node.value)):
+        yield from stated(node)
+        if isinstance(node, ast.Constant) and isinstance(node.value, str) and (text := MODULE.match(node.value)):
             yield text[0]
         elif isinstance(node, ast.Call) and getattr(node.func, "attr", getattr(node.func, "id", "")) in (
                 "import_module", "__import__"):
@@ -144,8 +149,9 @@ def undeclared(root: Path, *folders: str) -> set[str]:
     extras = [names for extra, names in project["optional-dependencies"].items() if extra != "docs"]
     declared = {plain(re.split(r"[^\w.-]", text)[0]) for names in [project["dependencies"], *extras] for text in names}
     own = {part for path in root.rglob("*.py") for part in (path.stem, *path.relative_to(root).parts[:-1])}
-    users = {name for folder in folders for path in sources(folder, root) for node in ast.walk(ast.parse(
-        path.read_text(encoding="utf-8"))) for name in top_names(node)} - own - set(sys.stdlib_module_names)
+    users = {name.split(".")[0] for folder in folders for path in sources(folder, root)
+             for node in ast.walk(ast.parse(path.read_text(encoding="utf-8")))
+             for name in stated(node)} - own - set(sys.stdlib_module_names)
     makers = packages_distributions()
     return {name for name in users
             if not declared & {plain(maker) for maker in [COMES_WITH.get(name, name), *makers.get(name, ())]}}
@@ -153,12 +159,6 @@ def undeclared(root: Path, *folders: str) -> set[str]:
 
 def plain(name: str) -> str:
     return name.lower().replace("_", "-")
-
-
-def top_names(node: ast.AST) -> list[str]:
-    if isinstance(node, ast.Import):
-        return [alias.name.split(".")[0] for alias in node.names]
-    return [(node.module or "").split(".")[0]] if isinstance(node, ast.ImportFrom) else []
 
 
 def test_every_library_that_is_imported_is_declared():
