@@ -18,7 +18,6 @@ from coupler.rules.instant import passed
 from coupler.scenario.options import Scheme
 from coupler.scenario.rule_model import (
     COUPLER,
-    COUPLER_UNITS,
     INCREMENT,
     RATE,
     Action,
@@ -191,7 +190,7 @@ def units(rules: Sequence[Rule], blocks: Blocks) -> dict[str, str]:
         half, _, name = monitor.partition(".")
         block = blocks.get(half, {}).get(name.partition("[")[0])
         # fault: monitors have no unit -> found[monitor] = "1" | coupler/test_rules
-        found[monitor] = block.unit if block is not None else COUPLER_UNITS.get(monitor, "1")
+        found[monitor] = block.unit if block is not None else COUPLER[monitor].unit if monitor in COUPLER else "1"
     return found
 
 

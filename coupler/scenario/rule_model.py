@@ -215,22 +215,27 @@ def _to(change: Change) -> str:
 # Beside those below: `thermal.OUTPUT` and `mechanical.OUTPUT` for any number that a half gives out (`OUTPUT[2]` for the
 # second of several), and every probe by its name.
 
-COUPLER = {
-    "t": "s, end of the window", "window": "s, its size", "number": "of the window, from 1",
-    "failures": "tries in a row that failed", "iterations": "of the exchange, 1 where the scheme does not iterate",
-    "contraction": "measured ratio of residuals of plain iteration", "error": "largest error estimate, in tolerances",
-    "error.temperature": "tolerances", "error.gap": "tolerances", "error.heat": "tolerances",
-    "error.displacement": "tolerances", "error.elastic_strain": "tolerances",
-    **{f"{part}.{name}": "tolerances" for part in ("splitting", "own")
-       for name in ("temperature", "gap", "heat", "displacement", "elastic_strain")},
-    "max_T": "hottest node", "max_p": "Pa, largest contact pressure",
-    "touching": "contact quadrature points under pressure", "imbalance": "of the heat of the window",
-    "thermal.status": "0 well, 1 discarded", "mechanical.status": "0 well, 1 discarded",
-}
-"""Monitors of the coupler, each with its unit or meaning; one that a window does not have is not known in it."""
+@dataclass(frozen=True)
+class Monitor:
+    """unit : SI, "1" for a number."""
 
-COUPLER_UNITS = {"t": "s", "window": "s", "max_T": "K", "max_p": "Pa"}
-"""Units of those that have one; all others are numbers."""
+    meaning: str
+    unit: str = "1"
+
+
+COUPLER = {
+    "t": Monitor("end of the window", "s"), "window": Monitor("its size", "s"),
+    "number": Monitor("of the window, from 1"), "failures": Monitor("tries in a row that failed"),
+    "iterations": Monitor("of the exchange, 1 where the scheme does not iterate"),
+    "contraction": Monitor("measured ratio of residuals of plain iteration"),
+    "error": Monitor("largest error estimate, in tolerances"),
+    **{f"{part}.{name}": Monitor("in tolerances") for part in ("error", "splitting", "own")
+       for name in ("temperature", "gap", "heat", "displacement", "elastic_strain")},
+    "max_T": Monitor("hottest node", "K"), "max_p": Monitor("largest contact pressure", "Pa"),
+    "touching": Monitor("contact quadrature points under pressure"), "imbalance": Monitor("of the heat of the window"),
+    "thermal.status": Monitor("0 well, 1 discarded"), "mechanical.status": Monitor("0 well, 1 discarded"),
+}
+"""Monitors of the coupler; one that a window does not have is not known in it."""
 
 SHORT = {
     "max_dT": "thermal.max_dT", "heat_stored": "thermal.heat_stored",
