@@ -20,6 +20,7 @@ from contact.half.functions import Field, field_from
 from contact.half.interface import Interface
 from coupler.schemes.levels import Level
 from coupler.trust.checks import Check, measured
+from coupler.trust.thermal_data import stated_data
 
 Array = NDArray[np.float64]
 
@@ -121,15 +122,14 @@ def _specs(interface: Interface, model: Mapping[str, Any]) -> Iterator[tuple[str
         for part in (body, *body.get("regions", {}).values()):
             if part.get("Q_T") is not None:
                 yield f"the source in {name}", part["Q_T"], nodes
-    for condition in model.get("boundary", ()):
-        on = condition.get("on")
-        if on is None or on not in interface.surfaces:
+    for stated in stated_data(model):
+        if stated.on not in interface.surfaces:
             continue
-        nodes = np.unique(interface.surfaces[on]).astype(np.intp)
-        if condition.get("flux") is not None:
-            yield f"the flux on {on}", condition["flux"], nodes
-        if isinstance(given := condition.get("temperature"), Mapping) and "terms" in given:
-            yield f"the temperature of {on}", given, nodes
-        for kind, keys in (("convection", ("h", "T")), ("radiation", ("T",))):
-            for key in keys if condition.get(kind) is not None else ():
-                yield f"{key} of the {kind} on {on}", condition[kind][key], nodes
+        given, nodes = stated.given, np.unique(interface.surfaces[stated.on]).astype(np.intp)
+        if stated.kind == "flux":
+            yield f"the flux on {stated.on}", given, nodes
+        elif stated.kind != "temperature":
+            for key in ("h", "T") if stated.kind == "convection" else ("T",):
+                yield f"{key} of the {stated.kind} on {stated.on}", given[key], nodes
+        elif isinstance(given, Mapping) and "terms" in given:
+            yield f"the temperature of {stated.on}", given, nodes

@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from contact.half.functions import Field, Profile, field_from
 from coupler.schemes.levels import Level
 from coupler.trust.checks import Check, TrustVerdict, amount, measured
+from coupler.trust.thermal_data import stated_data
 
 Array = NDArray[np.float64]
 
@@ -86,15 +87,14 @@ class TemperatureData:
 
 def _fields(model: Mapping[str, Any]) -> Iterator[tuple[Field, str]]:
     """Each field of temperatures, and the name by which it is scaled; "" for none."""
-    for condition in model.get("boundary", ()):
-        given, name = condition.get("temperature"), str(condition.get("name", ""))
-        if isinstance(given, Mapping) and "dataset" in given:  # another run's: its bounds are known
-            yield from ((field_from(given["least"]), name), (field_from(given["most"]), name))
-        elif given is not None:
+    for stated in stated_data(model):
+        given, name = stated.given, stated.name
+        if stated.kind in ("convection", "radiation"):
+            yield field_from(given["T"]), ""
+        elif stated.kind == "temperature" and isinstance(given, Mapping) and "dataset" in given:
+            yield from ((field_from(given["least"]), name), (field_from(given["most"]), name))  # of another run: known
+        elif stated.kind == "temperature":
             yield field_from(given), name
-        for kind in ("convection", "radiation"):
-            if condition.get(kind) is not None:
-                yield field_from(condition[kind]["T"]), ""
 
 
 def _is_steady(field: Field) -> bool:
