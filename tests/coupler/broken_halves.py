@@ -131,7 +131,7 @@ class Case:
     """role : of the broken half.  rule : what is wrong.  says : of a run, "" where a run cannot see it.
 
     check : the row of verify-half that fails.  takes : the step it takes for h.  hears : what it takes an input for.
-    scene : pressed or free.
+    scene : pressed or free.  cause : what a plain run says beside that row: block, number or cause.
     """
 
     role: str
@@ -142,6 +142,7 @@ class Case:
     hears: Callable[[Broken, str, Any], Any] = as_told
     scene: str = "pressed"
     kind: type[Broken] = Broken
+    cause: str = field(kw_only=True)
 
 
 def as_it_is(half: Broken, got: Values, h: float) -> Values:
@@ -152,48 +153,63 @@ START, NUMBERS = "starts as the scene", "numbers that can be"
 CASES = {
     "degrees Celsius": Case("thermal", on("T", lambda _, T: T - 273.15),
                             r"half 'thermal': its first T\[\d+\] is 20 K, but body 'lower' .*293.15 K.*degrees Celsius",
-                            START),
-    "below absolute zero": Case("thermal", on("T", cold), r"thermal: T\[5\] is -5 K.*above 0", NUMBERS),
-    "not a number": Case("thermal", on("T", holed), r"thermal: T\[2\] is nan K", NUMBERS),
+                            START, cause=r"its first T\[\d+\] is .*degrees Celsius"),
+    "below absolute zero": Case("thermal", on("T", cold), r"thermal: T\[5\] is -5 K.*above 0", NUMBERS,
+                                cause=r"T\[5\] is -5 K"),
+    "not a number": Case("thermal", on("T", holed), r"thermal: T\[2\] is nan K", NUMBERS,
+                         cause="output T is not finite"),
     "runs away": Case("thermal", on("T", lambda half, T: T * 10.0 ** min(half.made, 30)),
-                      r"thermal: T\[\d+\] is .*e\+\d+ K.*below 100000 K", NUMBERS),
-    "ignores h": Case("thermal", as_it_is, "", "time passes", lambda h: 1.0),
+                      r"thermal: T\[\d+\] is .*e\+\d+ K.*below 100000 K", NUMBERS,
+                      cause=r"T\[\d+\] is .* K; it must be above 0 and below 100000 K"),
+    "ignores h": Case("thermal", as_it_is, "", "time passes", lambda h: 1.0, cause=r"a substep of 0\.001 s changes T"),
     "wrong sign of pressure": Case("thermal", as_it_is, "", "answers to pressure",
-                                   hears=lambda half, name, value: -value if name == "contact.t_N" else value),
+                                   hears=lambda half, name, value: -value if name == "contact.t_N" else value,
+                                   cause=r"pair joint: pressed by 1e\+07 Pa"),
     "random after step 8": Case("thermal", on("T", lambda half, T: T + 1e-3 * half.random.random(T.shape)
-                                              if half.made > 8 else T), "", "same inputs, same bits"),
-    "hidden state": Case("thermal", on("T", lambda half, T: T + 1e-3 * half.made), "", "save and restore to the bit"),
+                                              if half.made > 8 else T), "", "same inputs, same bits",
+                                cause="two new instances differ after substep"),
+    "hidden state": Case("thermal", on("T", lambda half, T: T + 1e-3 * half.made), "", "save and restore to the bit",
+                         cause="gives another T"),
     "millimetres": Case("mechanical", on("x", lambda _, x: 1e3 * x),
-                        r"half 'mechanical': its first x\[\d+,1\.\.2\].*quad 1 .*It is mm", START),
+                        r"half 'mechanical': its first x\[\d+,1\.\.2\].*quad 1 .*It is mm", START, cause="It is mm"),
     "displacements": Case("mechanical", on("x", lambda half, x: x - half.X),
-                          r"half 'mechanical': its first x\[\d+,1\.\.2\].*not how far they moved", START),
+                          r"half 'mechanical': its first x\[\d+,1\.\.2\].*not how far they moved", START,
+                          cause="not how far they moved"),
     "renumbered": Case("mechanical", on("x", lambda _, x: swapped(x)),
-                       r"half 'mechanical': its first x.*order of interface\.h5", START),
+                       r"half 'mechanical': its first x.*order of interface\.h5", START,
+                       cause=r"order of interface\.h5"),
     "pressures that pull": Case("mechanical", on("contact.t_N", lambda _, t_N: -t_N),
-                                r"contact\.t_N\[\d\] \(pair joint, node \d+\) is .* Pa, a pull.*t_N = -p", NUMBERS),
+                                r"contact\.t_N\[\d\] \(pair joint, node \d+\) is .* Pa, a pull.*t_N = -p", NUMBERS,
+                                cause="a pull"),
     "covered in percent": Case("mechanical", on("contact.covered", lambda _, c: 100.0 * c),
-                               r"contact\.covered\[\d\] \(pair joint, node \d+\) is .*share, 0 to 1", NUMBERS),
+                               r"contact\.covered\[\d\] \(pair joint, node \d+\) is .*share, 0 to 1", NUMBERS,
+                               cause="share, 0 to 1"),
     "counts its substeps": Case("thermal", on("T", lambda half, T: T + 1e-3 if half.made % 16 == 15 else T), "",
-                                "20 substeps after a restore"),
+                                "20 substeps after a restore", cause="gives another T"),
     "writes half of its state": Case("thermal", on("T", lambda half, T: T + 1e-3 if half.made > 5 else T), "",
-                                     "hot and cold caches, same bits", kind=Forgetful),
-    "each substep is a little longer": Case("thermal", as_it_is, "", "substeps converge", lambda h: h + 1e-3),
+                                     "hot and cold caches, same bits", kind=Forgetful,
+                                     cause="taken over by a new instance"),
+    "each substep is a little longer": Case("thermal", as_it_is, "", "substeps converge", lambda h: h + 1e-3,
+                                            cause="two halves of it still differ"),
     "heat in millijoules": Case("thermal", as_it_is, "", "heat warms a body",
-                                hears=told("E_M", lambda half, E: 1e-3 * E)),
+                                hears=told("E_M", lambda half, E: 1e-3 * E), cause=r"not Q/\(rho c V\)"),
     "cells renumbered": Case("thermal", as_it_is, "", "cells in order",
-                             hears=told("E_M", lambda half, E: np.roll(E, 1))),
+                             hears=told("E_M", lambda half, E: np.roll(E, 1)), cause="none of its nodes"),
     "wrong sign of gap": Case("thermal", as_it_is, "", "answers to a gap", scene="free",
-                              hears=told("x", lambda half, x: 2.0 * half.X - x)),
+                              hears=told("x", lambda half, x: 2.0 * half.X - x), cause="apart its sides are"),
     "takes kelvin for Celsius": Case("mechanical", as_it_is, "", "expands freely", scene="free",
-                                     hears=told("T", lambda half, T: T - 273.15 + 20.0)),
+                                     hears=told("T", lambda half, T: T - 273.15 + 20.0),
+                                     cause="free and warm all over"),
     "expands by half": Case("mechanical", on("x", lambda half, x: half.X + 0.5 * (x - half.X)), "", "expands freely",
-                            scene="free"),
+                            scene="free", cause="free and warm all over"),
     "strains without a cause": Case("mechanical", on("x", lambda half, x: x + 1e-5 * half.X), "", "moves rigidly",
-                                    scene="free"),
+                                    scene="free", cause="has a strain of"),
     "presses across a gap": Case("mechanical", on("contact.t_N", lambda _, t_N: t_N - 1e5), "", "moves rigidly",
-                                 scene="free"),
+                                 scene="free", cause="across a gap of"),
     "hears another order": Case("mechanical", as_it_is, "", "nodes in order", scene="free",
-                                hears=told("T", lambda half, T: swapped(T))),
+                                hears=told("T", lambda half, T: swapped(T)),
+                                cause="grows most, which does not have it"),
     "gaps in millimetres": Case("mechanical", on("contact.gap", lambda _, g: 1e3 * g + 5.0),
-                                r"contact\.gap\[\d\] \(pair joint, node \d+\) .*gap_max \(0\.002", NUMBERS),
+                                r"contact\.gap\[\d\] \(pair joint, node \d+\) .*gap_max \(0\.002", NUMBERS,
+                                cause="gap_max"),
 }

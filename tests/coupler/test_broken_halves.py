@@ -104,7 +104,7 @@ def test_verify_half_names_it(name: str, built: Built) -> None:
     ("mechanical", "pressed", {"expands freely", "moves rigidly", "nodes in order"}),
     ("mechanical", "free", set())])
 def test_a_half_that_is_right_passes_all_of_it(role: str, scene: str, unasked: set[str], built: Built) -> None:
-    right = Case(role, lambda half, got, h: got, "", "", scene=scene)
+    right = Case(role, lambda half, got, h: got, "", "", scene=scene, cause="")
     built = built.of(right)
     verdicts = {f.check: f.verdict for f in verify_half(built.broken(right), 1.0, built.border)}
     assert [check for check, verdict in verdicts.items() if verdict is CheckVerdict.FAIL] == []
@@ -187,7 +187,8 @@ def test_what_no_shorter_step_mends_stops_the_run_at_once(built: Built, tmp_path
 
     The third is of the look at the first window (coupler.control.spare), which tells nothing then.
     """
-    late = Case("mechanical", on("contact.covered", lambda half, c: 100.0 * c if half.made > 2 else c), "", NUMBERS)
+    late = Case("mechanical", on("contact.covered", lambda half, c: 100.0 * c if half.made > 2 else c), "", NUMBERS,
+                cause="")
     half = built.broken(late)()
     with pytest.raises(CouplingError, match=r"window 2 .*contact\.covered"):
         solve(built, tmp_path / "run.h5", monkeypatch, mechanical=half)

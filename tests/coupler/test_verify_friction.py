@@ -19,35 +19,17 @@ from mechanical_fmu.elastic_half import load
 sys.path.insert(0, str(Path(__file__).parent))
 from broken_halves import Broken, Values, on
 from model_half import ModelHalf
+from stacked_blocks import rectangle, stacked
 
 # The upper block is pressed by a traction, and warmer: its ends slip outwards.
-SCENE = """
-slideline: 2
-units: {temperature: K}
-geometry: plane
-materials:
-  steel: {rho: 8000, c: 500, k: 30, E: 2.0e9, nu: 0.3, alpha: 1.2e-5, T_ref: 293.15}
-bodies:
-  lower: {mesh: {rectangle: {origin: [0, 0], size: [0.04, 0.01], cells: [8, 4]}}, material: steel, T0: 300}
-  upper: {mesh: {rectangle: {origin: [0.005, 0.01], size: [0.02, 0.01], cells: [6, 4]}}, material: steel, T0: 600}
-contact:
-  joint:
-    slave: upper.bottom
-    master: lower.top
-    gap_max: 0.002
-    penalty: 1.0e13
-    friction: {mu: 0.3}
-    conduction: {closed: {law: constant, h: 1000}, open: null}
-thermal: {}
-mechanical:
-  half: elastic
-  elastic:
+SCENE = stacked(
+    rectangle("0, 0", "0.04, 0.01", "8, 4", 300), rectangle("0.005, 0.01", "0.02, 0.01", "6, 4", 600), T_ref=293.15,
+    mu=0.3, h=1000, end=10, elastic="""\
     boundary:
       - {on: lower.bottom, u_x: 0, u_y: 0}
       - {on: upper.top, u_x: 0}
       - {on: upper.top, t_y: -1.0e6}
-coupling: {scheme: staggered, end: 10, windows: [{until: 10, size: 1}]}
-"""
+""")
 
 
 def creeps(half: Broken, outputs: Values, h: float) -> Values:

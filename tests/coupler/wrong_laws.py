@@ -3,12 +3,17 @@
 from __future__ import annotations
 
 import copy
+import sys
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from pathlib import Path
 from typing import Any
 
 from contact.half.interface import Interface
 from coupler.fmu.half import Advance, Half
+
+sys.path.insert(0, str(Path(__file__).parent))
+from stacked_blocks import rectangle, stacked
 
 # Two bodies across a gap, with every kind of load; one melts.
 MELTING = """
@@ -59,29 +64,10 @@ CLOSED = THERMAL.replace("0.011], size", "0.01], size").replace(
     "{law: constant, h: 3000}", "{law: power, h0: 100, h1: 9000, p0: 1.0e7, exponent: 0.95, p_max: 1.0e8}")
 
 # A block on another, with weight and friction; a third stands free beside.
-MECHANICAL = """
-slideline: 2
-title: Blocks with weight, pressed and pulled
-units: {temperature: K}
-geometry: plane
-materials:
-  steel: {rho: 8000, c: 500, k: 30, E: 2.0e9, nu: 0.3, alpha: 1.2e-5, T_ref: 300}
-bodies:
-  lower: {mesh: {rectangle: {origin: [0.01, 0], size: [0.02, 0.01], cells: [3, 2]}}, material: steel, T0: 300}
-  upper: {mesh: {rectangle: {origin: [0.012, 0.01], size: [0.01, 0.01], cells: [2, 2]}}, material: steel, T0: 320}
-  post: {mesh: {rectangle: {origin: [0.05, 0], size: [0.01, 0.02], cells: [2, 4]}}, material: steel, T0: 300}
-contact:
-  joint:
-    slave: upper.bottom
-    master: lower.top
-    gap_max: 0.002
-    penalty: 1.0e13
-    friction: {mu: 0.4}
-    conduction: {closed: {law: constant, h: 3000}, open: null}
-thermal: {}
-mechanical:
-  half: elastic
-  elastic:
+MECHANICAL = stacked(
+    rectangle("0.01, 0", "0.02, 0.01", "3, 2", 300), rectangle("0.012, 0.01", "0.01, 0.01", "2, 2", 320),
+    more_bodies=f"  post: {rectangle('0.05, 0', '0.01, 0.02', '2, 4', 300)}\n", T_ref=300, mu=0.4, h=3000, end=12,
+    elastic="""\
     gravity: {y: -1.0e4}
     boundary:
       - {on: lower.bottom, u_x: 0, u_y: 0}
@@ -89,8 +75,7 @@ mechanical:
       - {on: upper.left, pressure: 5.0e4}
       - {on: post.bottom, u_x: 0, u_y: 0}
       - {on: post.right, t_x: 2.0e5}
-coupling: {scheme: staggered, end: 12, windows: [{until: 12, size: 1}]}
-"""
+""")
 ROUND = ("geometry: plane", "geometry: axisymmetric")
 SCENES = {"apart": THERMAL, "melting": MELTING, "pressed": CLOSED, "round": THERMAL.replace(*ROUND),
           "blocks": MECHANICAL, "round blocks": MECHANICAL.replace(*ROUND).replace(
