@@ -34,6 +34,7 @@ from coupler.trust import (
     stored,
     tables,
     temperatures,
+    unpaired,
 )
 from coupler.trust.checks import Check, measured
 from coupler.trust.errors import Looked
@@ -56,6 +57,7 @@ class TrustLog:
     temperatures: temperatures.TemperatureLog = field(default_factory=temperatures.TemperatureLog)
     rhythm: rhythm.RhythmLog = field(default_factory=rhythm.RhythmLog)
     passing: passing.PassingLog = field(default_factory=passing.PassingLog)
+    unpaired: unpaired.UnpairedLog = field(default_factory=unpaired.UnpairedLog)
     penetration: penetration.PenetrationLog = field(default_factory=penetration.PenetrationLog)
     facets: facets.FacetLog = field(default_factory=facets.FacetLog)
     errors: errors.ErrorLog = field(default_factory=errors.ErrorLog)
@@ -95,7 +97,7 @@ class TrustWatch:
         self._adaptive = adaptive
         self._probes = dict(probes) if probes else {f"the mean temperature of {b}": "K" for b in interface.bodies}
         self._data = temperatures.TemperatureData(models["thermal"])
-        self._sides = passing.Sides(interface)
+        self._sides, self._unpaired = passing.Sides(interface), unpaired.Unpaired(interface)
         pairs = models["mechanical"].get("pairs", {})
         self._yields = penetration.Yields(interface, {n for n, p in pairs.items() if p.get("augmented")})
         self._facets = facets.Facets(interface, self._yields)
@@ -145,6 +147,7 @@ class TrustWatch:
             temperatures=warmth,
             rhythm=rhythm.watched(log.rhythm, levels, warmth.most - warmth.least, self.means(now), fresh),
             passing=self._sides.watched(log.passing, before, now),
+            unpaired=self._unpaired.watched(log.unpaired, now),
             penetration=self._yields.watched(log.penetration, now),
             facets=self._facets.watched(log.facets, now), skipped=self._placed.watched(log.skipped, before, now),
             carried=carried.watched(log.carried, monitors.get(f"thermal.{OFF_MESH}"), now.t),
@@ -207,6 +210,7 @@ class TrustWatch:
             *rhythm.checks(log.rhythm, self._place(log.rhythm.node), self._interface.bodies),
             *passing.checks(log.passing, self._place(log.passing.node, log.passing.end), bool(self._interface.pairs),
                             self._prescribed),
+            *self._unpaired.checks(log.unpaired, self._place(log.unpaired.node, log.unpaired.end), self._prescribed),
             penetration.check(log.penetration, self._yields, self._prescribed),
             *(() if self._prescribed else facets.checks(log.facets, self._facets)),
             *equilibrium.checks(log.equilibrium),
