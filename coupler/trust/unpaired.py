@@ -16,8 +16,8 @@ from itertools import combinations
 import numpy as np
 from numpy.typing import NDArray
 
-from contact.half.interface import Interface, outline_of
-from contact.half.outlines import depths
+from contact.half.interface import Interface
+from contact.half.outlines import depths, outline_of
 from contact.half.passing import ALLOWED
 from coupler.schemes.levels import Level
 from coupler.trust.checks import Check, amount, measured
