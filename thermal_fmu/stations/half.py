@@ -26,15 +26,10 @@ from thermal_fmu.newton import NotConvergedError
 from thermal_fmu.problem import parse_model
 from thermal_fmu.sources import calendar_of, factors_of
 from thermal_fmu.stations.across import T_OFF, SurfaceState, outlines_of, temperature_off
-from thermal_fmu.stations.balance import (
-    StationContext,
-    StationStep,
-    StationSubstep,
-    advance_stations,
-    entropy_stations,
-)
+from thermal_fmu.stations.balance import StationSubstep
 from thermal_fmu.stations.scene import StationScene, freeze_stations, stations_with_friction
 from thermal_fmu.stations.stations import StationGeometry, Stations, lumped_stations, rod_stations
+from thermal_fmu.stations.step import StationContext, StationStep, advance_stations, entropy_stations
 
 Floats = NDArray[np.float64]
 
