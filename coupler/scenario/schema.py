@@ -86,6 +86,18 @@ class Binding(Part):
     offset: Annotated[Number, Entry("added, in SI")] = 0.0
 
 
+# Keys of a half of either role.
+Options = Annotated[dict[str, Any], Entry("for a half of another package; written unchanged to its model.json",
+                                          kind="mapping", default="none")]
+Ignored = Annotated[tuple[Text, ...], Entry(
+    "conditions of the scene that a half of another package may leave out, as `check` names them "
+    "([write_a_half.md](write_a_half.md))", default="none", kind="list of paths")]
+Played = Annotated[Replay | None, Entry("of the half `replay`")]
+Bindings = Annotated[dict[Text, Binding], Entry(
+    "names of the variables of an FMU, if `half` is the path of an FMU ([halves.md](halves.md)): `T: {name: "
+    "\"wall_{i}\", unit: degC}`", kind="name in the interface -> binding", default="none")]
+
+
 class OneOfSeveral(Part):
     """One of several halves in a role."""
 
@@ -114,17 +126,10 @@ class Thermal(ThermalSettings):
         " adds, or the path of an FMU ending in `.fmu` ([write_a_half.md](write_a_half.md))",
                               kind="`thermal`, `lumped`, `rod`, `replay`")] = (
         "thermal")
-    options: Annotated[dict[str, Any], Entry("for a half of another package; written unchanged to its model.json",
-                                           kind="mapping", default="none")] = Field(default_factory=dict)
-    ignore: Annotated[tuple[Text, ...], Entry(
-        "conditions of the scene that a half of another package may leave out, as `check` names them "
-        "([write_a_half.md](write_a_half.md))", default="none", kind="list of paths")] = ()
-    replay: Annotated[Replay | None, Entry("of the half `replay`")] = None
-    bind: Annotated[dict[Text, Binding], Entry(
-        "names of the variables of an FMU, if `half` is the path of an FMU ([halves.md](halves.md)): `T: {name: "
-        "\"wall_{i}\", unit: degC}`",
-        kind="name in the interface -> binding", default="none")] = Field(
-        default_factory=dict)
+    options: Options = Field(default_factory=dict)
+    ignore: Ignored = ()
+    replay: Played = None
+    bind: Bindings = Field(default_factory=dict)
     halves: Annotated[dict[Name, OneOfSeveral], Entry(
         "several thermal halves instead of one, each with its own bodies, process and, if you like, machine "
         "([several_halves.md](several_halves.md))",
@@ -147,17 +152,10 @@ class Mechanical(Part):
     elastic: Annotated[Elastic | None, Entry("of the half `elastic`")] = None
     rigid: Annotated[Rigid | None, Entry("of the half `rigid`")] = None
     rod: Annotated[Rod | None, Entry("of the half `rod`")] = None
-    options: Annotated[dict[str, Any], Entry("for a half of another package; written unchanged to its model.json",
-                                           kind="mapping", default="none")] = Field(default_factory=dict)
-    ignore: Annotated[tuple[Text, ...], Entry(
-        "conditions of the scene that a half of another package may leave out, as `check` names them "
-        "([write_a_half.md](write_a_half.md))", default="none", kind="list of paths")] = ()
-    replay: Annotated[Replay | None, Entry("of the half `replay`")] = None
-    bind: Annotated[dict[Text, Binding], Entry(
-        "names of the variables of an FMU, if `half` is the path of an FMU ([halves.md](halves.md)): `T: {name: "
-        "\"wall_{i}\", unit: degC}`",
-        kind="name in the interface -> binding", default="none")] = Field(
-        default_factory=dict)
+    options: Options = Field(default_factory=dict)
+    ignore: Ignored = ()
+    replay: Played = None
+    bind: Bindings = Field(default_factory=dict)
     meshes: Annotated[dict[Name, Mesh], Entry(
         "meshes of the mechanical half's own, as `thermal.meshes` ([halves.md](halves.md#a-mesh-of-its-own))",
         kind="body -> mesh", default="those of the bodies")] = Field(default_factory=dict)
