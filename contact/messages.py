@@ -115,8 +115,8 @@ class Facing:
 
 
 @dataclass(frozen=True)
-class Traction:
-    """Ask for contact forces at x : (n_s, 2) [m], given the history.
+class ContactState:
+    """The surfaces at x : (n_s, 2) [m], and the history: what forces and their derivatives depend on.
 
     multipliers : (n_m,) [Pa], the first n_q <= 0 (zeros: pure penalty).  The rest matters with friction only.
     x_before : (n_s, 2) [m], where the surfaces were then, and multipliers_before : (n_m,) [Pa], theirs then.
@@ -137,6 +137,11 @@ class Traction:
 
 
 @dataclass(frozen=True)
+class Traction(ContactState):
+    """Ask for contact forces."""
+
+
+@dataclass(frozen=True)
 class Tractions:
     """Contact forces.
 
@@ -148,7 +153,7 @@ class Tractions:
     than the slave; of a tied pair > 0 where it is pulled.
     node_gap, node_covered : (n_q,) as in Facing.
     multipliers : (n_m,) [Pa], of slave nodes the mean of -p_N over what each faces, 0 of others, and the tractions of
-    ties, mobilised : (n_q,) [1] and mobilised_at : (n_h, 3), as in Traction: the new history.
+    ties, mobilised : (n_q,) [1] and mobilised_at : (n_h, 3), as in ContactState: the new history.
     shear : (n_q,) [Pa] of slave nodes, the mean of tau over what each faces (of next to nothing: as t_N).
     E_friction : (n_q,) [J] of slave nodes, what slipping made since x_before.
     slipping : (n_q,) of what a slave node touches, the part at Coulomb's bound, 0 to 1.
@@ -178,17 +183,8 @@ class Tractions:
 
 
 @dataclass(frozen=True)
-class Coupling:
-    """Ask for residual and derivatives of the multipliers; the fields are those of Traction."""
-
-    surfaces: str
-    x: Floats
-    multipliers: Floats
-    x_before: Floats
-    multipliers_before: Floats
-    mobilised: Floats
-    mobilised_at: Floats | None = None
-    sticking: float = 1.0
+class Coupling(ContactState):
+    """Ask for residual and derivatives of the multipliers."""
 
 
 @dataclass(frozen=True)

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from contact.arcs import feet
 from contact.compiled import kernel
 from contact.facing import Cut, cut_surfaces, shapes_of
-from contact.messages import Coupling, Floats, Ints, Traction, Tractions
+from contact.messages import ContactState, Floats, Ints, Traction, Tractions
 from contact.nodal import at_slivers, nodal_means, on_masters, touching_means
 from contact.penalty import in_a_row, penalties
 from contact.piece import (
@@ -211,7 +211,7 @@ class Asked:
     sticking: float
 
 
-def checked_request(surfaces: RegisteredSurfaces, request: Traction | Coupling) -> Asked:
+def checked_request(surfaces: RegisteredSurfaces, request: ContactState) -> Asked:
     """Check the arrays of a request.  Raises ValueError."""
     n, n_q, n_m = surfaces.register.n_nodes, surfaces.pair_nodes.size, surfaces.pair_nodes.n_multipliers
     multipliers = checked_reals("multipliers", request.multipliers, (n_m,))
@@ -227,7 +227,7 @@ def checked_request(surfaces: RegisteredSurfaces, request: Traction | Coupling) 
     return Asked(checked_reals("x", request.x, (n, 2)), multipliers, before, then, history, sticking)
 
 
-def evaluated(surfaces: RegisteredSurfaces, request: Traction | Coupling) -> tuple[Asked, Cut, PointStates]:
+def evaluated(surfaces: RegisteredSurfaces, request: ContactState) -> tuple[Asked, Cut, PointStates]:
     """Check a request, cut the surfaces and evaluate the points.  Raises ValueError.
 
     Equations of multipliers are asked for where forces were asked for just before: what was found for the last request

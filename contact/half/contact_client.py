@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import cached_property
+from typing import TypeVar
 
 import numpy as np
 
@@ -28,6 +29,8 @@ from contact.messages import (
 )
 from contact.pair_nodes import PairLayout, pair_layout_of
 
+R = TypeVar("R", Facing, Tractions, Couplings)
+
 
 class ContactRefusedError(ArithmeticError):
     """The contact service will not answer for these coordinates."""
@@ -39,7 +42,7 @@ class History:
 
     multipliers : (n_m,) [Pa] of the pair nodes, then x and y of those of ties.  x : (n_s, 2) [m], where the surfaces
     were then.  mobilised : (n_q,) [1], shear over p_N of slave nodes, and mobilised_at : (n_h, 3), of the points that
-    touched (Traction).
+    touched (ContactState).
     """
 
     multipliers: Floats
@@ -94,10 +97,7 @@ class ContactSurfaces:
         Raises ContactRefusedError, LinkError.
         """
         at = self._at_surfaces(x)
-        reply = self._ask(link, lambda name: Project(name, at))
-        if not isinstance(reply, Facing):
-            raise ContactRefusedError(f"contact does not answer: {_reason(reply)}")
-        return reply
+        return self._answer(link, lambda name: Project(name, at), Facing)
 
     def tractions(self, link: Link, x: Floats, history: History, multipliers: Floats | None = None,
                   sticking: float = 1.0) -> Tractions:
@@ -106,12 +106,7 @@ class ContactSurfaces:
         multipliers : (n_m,) [Pa] of the moment, None for those of the history.  sticking : share of eps_T [1].
         Raises ContactRefusedError, LinkError.
         """
-        at, of_now = self._at_surfaces(x), history.multipliers if multipliers is None else multipliers
-        reply = self._ask(link, lambda name: Traction(name, at, of_now, history.x, history.multipliers,
-                                                      history.mobilised, history.mobilised_at, sticking))
-        if not isinstance(reply, Tractions):
-            raise ContactRefusedError(f"contact does not answer: {_reason(reply)}")
-        return reply
+        return self._answer(link, self._asked(Traction, x, history, multipliers, sticking), Tractions)
 
     def couplings(self, link: Link, x: Floats, history: History, multipliers: Floats | None = None,
                   sticking: float = 1.0) -> Couplings:
@@ -120,12 +115,7 @@ class ContactSurfaces:
         multipliers : (n_m,) [Pa] of the moment, None for those of the history.  sticking : share of eps_T [1].
         Raises ContactRefusedError, LinkError.
         """
-        at, of_now = self._at_surfaces(x), history.multipliers if multipliers is None else multipliers
-        reply = self._ask(link, lambda name: Coupling(name, at, of_now, history.x, history.multipliers,
-                                                      history.mobilised, history.mobilised_at, sticking))
-        if not isinstance(reply, Couplings):
-            raise ContactRefusedError(f"contact does not answer: {_reason(reply)}")
-        return reply
+        return self._answer(link, self._asked(Coupling, x, history, multipliers, sticking), Couplings)
 
     def no_history(self, x: Floats) -> History:
         """Return the history before anything pressed or slipped, with the surfaces at x : (n_nodes, 2) [m]."""
@@ -134,6 +124,19 @@ class ContactSurfaces:
 
     def _at_surfaces(self, x: Floats) -> Floats:
         return np.ascontiguousarray(x[self.interface.contact_nodes])
+
+    def _asked(self, request: type[Traction | Coupling], x: Floats, history: History, multipliers: Floats | None,
+               sticking: float) -> Callable[[str], Request]:
+        """Return a request by the name of the surfaces."""
+        at, of_now = self._at_surfaces(x), history.multipliers if multipliers is None else multipliers
+        return lambda name: request(name, at, of_now, history.x, history.multipliers, history.mobilised,
+                                    history.mobilised_at, sticking)
+
+    def _answer(self, link: Link, request: Callable[[str], Request], of: type[R]) -> R:
+        reply = self._ask(link, request)
+        if not isinstance(reply, of):
+            raise ContactRefusedError(f"contact does not answer: {_reason(reply)}")
+        return reply
 
     def _ask(self, link: Link, request: Callable[[str], Request]) -> Reply:
         """Ask the service; where it has not registered the surfaces (yet, or any more), register them first."""
