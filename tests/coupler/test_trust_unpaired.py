@@ -6,7 +6,7 @@ import copy
 from typing import Any
 
 import pytest
-import yaml
+from ruamel.yaml import YAML
 
 from coupler import load_scenario, run
 from coupler.trust.checks import Check
@@ -35,7 +35,8 @@ PAIR = {"slave": "bar.right", "master": "wall.left", "gap_max": 0.001}
 def row(tmp_path, doc: dict[str, Any], **changes: Any) -> Check | None:
     overrides = {name.replace("__", "."): value for name, value in changes.items()}
     file = tmp_path / "scene.yaml"
-    file.write_text(yaml.safe_dump(doc))
+    with file.open("w", encoding="utf-8") as f:
+        YAML(typ="safe", pure=True).dump(doc, f)
     found = run(load_scenario(file, overrides=overrides), tmp_path / "run.h5")
     return next((c for c in found.trust if c.name == NAME), None)
 
