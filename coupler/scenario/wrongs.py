@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable, Iterator, Mapping
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -12,6 +12,7 @@ from contact.half import checks
 from contact.half.functions import property_from
 from contact.half.held import unheld
 from contact.half.pushed_off import pushed_off
+from contact.problem.boundary import Supported
 from contact.problem.curves import FieldSum, Phases
 from contact.problem.errors import Wrong
 from contact.problem.material import Latent
@@ -23,6 +24,7 @@ from coupler.scenario.document import Key
 from coupler.scenario.kinds import OWN, PROGRAMS, REPLAY, entry_of, fmu_path, stands_in, understood_by
 from coupler.scenario.problems import foreign_problem
 from coupler.scenario.programs import program_wrongs
+from coupler.scenario.schema import Mechanical, Thermal
 from coupler.scenario.stated import Stated
 from coupler.scenario.understood import left_out
 
@@ -82,6 +84,16 @@ def _file_key(s: Stated, role: str, key: Key) -> Key:
     return (role, half if half in OWN[role] else "elastic", *key)
 
 
+def _of_foreign(s: Stated, role: str, stated: Thermal | Mechanical,
+                boundary: Sequence[Supported]) -> Iterator[Wrong]:
+    """What is wrong for a half of another package, or around a program: it checks the rest itself."""
+    if fmu_path(stated.half, s.file_folder) is None:
+        yield from checks.places(s.interface, boundary)
+    if stated.half in PROGRAMS[role]:
+        yield from program_wrongs(role, stated.half, s.file)
+    yield from _ignored(s, role, stated.half, stated.ignore)
+
+
 def _ignored(s: Stated, role: str, kind: str, ignore: Collection[str]) -> Iterator[Wrong]:
     """Conditions of the scene that a half of another package declares not to read."""
     # A half of the other role is refused by its name (check_kind): what it reads of a scene says nothing here.
@@ -108,11 +120,7 @@ def _of_thermal(s: Stated, problems: Problems) -> Iterator[Wrong]:
     problem, thermal = problems["thermal"], s.file.thermal
     assert isinstance(problem, ThermalProblem)
     if thermal.half not in OWN["thermal"]:
-        if fmu_path(thermal.half, s.file_folder) is None:
-            yield from checks.places(s.interface, problem.boundary)
-        if thermal.half in PROGRAMS["thermal"]:
-            yield from program_wrongs("thermal", thermal.half, s.file)
-        yield from _ignored(s, "thermal", thermal.half, thermal.ignore)
+        yield from _of_foreign(s, "thermal", thermal, problem.boundary)
         return
     yield from _options_of_own("thermal", thermal.options)
     if thermal.half == REPLAY:
@@ -159,11 +167,8 @@ def _rectangles(s: Stated, role: str) -> Iterator[Wrong]:
 def _of_mechanical(s: Stated, problems: Problems) -> Iterator[Wrong]:
     problem, mechanical = problems["mechanical"], s.file.mechanical
     if mechanical.half not in OWN["mechanical"]:
-        if fmu_path(mechanical.half, s.file_folder) is None and isinstance(problem, ForeignMechanical):
-            yield from checks.places(s.interface, problem.boundary)
-        if mechanical.half in PROGRAMS["mechanical"]:
-            yield from program_wrongs("mechanical", mechanical.half, s.file)
-        yield from _ignored(s, "mechanical", mechanical.half, mechanical.ignore)
+        assert isinstance(problem, ForeignMechanical)
+        yield from _of_foreign(s, "mechanical", mechanical, problem.boundary)
         return
     yield from _options_of_own("mechanical", mechanical.options)
     if mechanical.half == REPLAY:
