@@ -54,6 +54,7 @@ EXCLUDED = {
     "*/run.h5/@header/versions/*": "versions of packages",
     "*/run.h5/@header/scenario/hash": "a hash",
     "*/run.h5/@version": "version of the file's layout",
+    "*/run.h5/@texts": "a digest of all texts, the time of day among them",
     "*/interface.h5/@version": "version of the file's layout",
 }
 # Path before -> path after, of groups, datasets, columns and keys; * stands for one name:
