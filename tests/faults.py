@@ -12,6 +12,7 @@ TEXT that uses a name nothing defines is refused: its NameError turns every test
 
 from __future__ import annotations
 
+import ast
 import builtins
 import functools
 import os
@@ -21,13 +22,15 @@ import subprocess
 import symtable
 import sys
 import tempfile
+from bisect import bisect_right
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parent.parent
 PACKAGES = ("contact", "thermal_fmu", "mechanical_fmu", "coupler")
 MARK, MORE = "# fault: ", "#   "
+FUTURE = "from __future__ import annotations\n"
 BUILT_IN = frozenset((*dir(builtins), "__file__", "__path__"))
 FORM = re.compile(r"(?P<name>.+?) -> (?P<text>.+) \| (?P<tests>.+)")
 
@@ -84,10 +87,24 @@ def all_faults() -> Iterator[Fault]:
 
 
 @functools.cache
-def undefined_in(source: str) -> frozenset[str]:
-    """The names that a source uses and neither it nor Python defines.  Raises SyntaxError."""
-    top = symtable.symtable(source, "source", "exec")
-    defined = {s.get_name() for s in top.get_symbols() if s.is_assigned() or s.is_imported()} | BUILT_IN
+def blocks_of(source: str) -> tuple[tuple[int, str], ...]:
+    """First line (from 1) and text of each statement of a module, up to the next one.  Raises SyntaxError."""
+    lines, starts, end = source.split("\n"), [], 0
+    for node in ast.parse(source).body:
+        first = min([node.lineno, *(d.lineno for d in getattr(node, "decorator_list", []))])
+        if first > end:  # not beside another one on its line
+            starts.append(first)
+        end = node.end_lineno or first
+    return tuple((first, "\n".join(lines[first - 1:after - 1]))
+                 for first, after in zip(starts, [*starts[1:], len(lines) + 1], strict=True))
+
+
+@functools.cache
+def names_in(block: str) -> tuple[frozenset[str], frozenset[str]]:
+    """The names that statements of a module define in it, and those of it that they use.  Raises SyntaxError."""
+    # Every source begins so: what only stands in annotations is not used.
+    top = symtable.symtable(f"{FUTURE}{block}", "source", "exec")
+    defined = {s.get_name() for s in top.get_symbols() if s.is_assigned() or s.is_imported()}
     used: set[str] = set()
     tables = [top]
     while tables:
@@ -95,12 +112,26 @@ def undefined_in(source: str) -> frozenset[str]:
         tables += table.get_children()
         defined |= {s.get_name() for s in table.get_symbols() if s.is_declared_global() and s.is_assigned()}
         used |= {s.get_name() for s in table.get_symbols() if s.is_referenced() and (table is top or s.is_global())}
-    return frozenset(used - defined)
+    return frozenset(defined), frozenset(used)
+
+
+def undefined_in(blocks: Iterable[str]) -> set[str]:
+    """The names that the statements of a module use and neither they nor Python define.  Raises SyntaxError."""
+    found = [names_in(block) for block in blocks]
+    return set().union(*(used for _, used in found)) - BUILT_IN.union(*(defined for defined, _ in found))
 
 
 def undefined_by(fault: Fault, source: str) -> list[str]:
-    """The names that are undefined only once a fault is in its source.  Raises SyntaxError."""
-    return sorted(undefined_in(fault.planted(source)) - undefined_in(source))
+    """The names that are undefined only once a fault is in its source.  Raises SyntaxError.
+
+    Only the statement that it is in is read anew: a whole file takes long.
+    """
+    blocks = blocks_of(source)
+    texts = [text for _, text in blocks]
+    within = bisect_right(blocks, fault.line, key=lambda block: block[0]) - 1
+    first, text = blocks[within]
+    planted = replace(fault, line=fault.line - first + 1).planted(text)
+    return sorted(undefined_in([*texts[:within], planted, *texts[within + 1:]]) - undefined_in(texts))
 
 
 def faulty_copy(fault: Fault, target: Path) -> None:

@@ -31,22 +31,27 @@ def area(a, b):
 
 @functools.cache
 def statements_of(source):
-    """The first and last line (from 1) of each statement of a module, decorators and all."""
-    return [(min([node.lineno, *(d.lineno for d in getattr(node, "decorator_list", []))]), node.end_lineno)
-            for node in ast.parse(source).body]
+    """The first and last line (from 1) of each statement that begins its line, decorators and all; short ones first."""
+    lines, found = source.split("\n"), set()
+    for node in ast.walk(ast.parse(source)):
+        if isinstance(node, ast.stmt):
+            begins = lines[node.lineno - 1][:node.col_offset].isspace() or not node.col_offset
+            if begins and not lines[node.lineno - 1].lstrip().startswith("elif "):
+                first = min([node.lineno, *(d.lineno for d in getattr(node, "decorator_list", []))])
+                found.add((first, node.end_lineno))
+    return sorted(found, key=lambda lines: lines[1] - lines[0])
 
 
 @functools.cache
 def meaning_of(text):
-    return ast.dump(ast.parse(text))
+    return ast.dump(ast.parse(f"if 1:\n{text}" if text[0].isspace() else text))
 
 
 def changes(fault, source):
-    """Whether the statements that a fault is planted in mean something else by it: a whole file takes long to parse."""
-    around = [(first, last) for first, last in statements_of(source) if first <= fault.line <= last]
-    first, last = min(first for first, _ in around), max(last for _, last in around)
+    """Whether the statement that a fault is planted in means something else by it: a whole file takes long to parse."""
+    first, last = next(lines for lines in statements_of(source) if lines[0] <= fault.line <= lines[1])
     old, new = ("\n".join(text.split("\n")[first - 1:last]) for text in (source, fault.planted(source)))
-    return ast.dump(ast.parse(new)) != meaning_of(old)
+    return meaning_of(new) != meaning_of(old)
 
 
 def problems_of(fault, source):

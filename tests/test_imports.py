@@ -11,6 +11,7 @@ import re
 import sys
 import tomllib
 from collections.abc import Iterator, Mapping
+from functools import cache
 from graphlib import CycleError, TopologicalSorter
 from importlib.metadata import packages_distributions
 from pathlib import Path
@@ -45,15 +46,24 @@ def stated(node: ast.AST) -> Iterator[str]:
         yield from (f"{node.module}.{alias.name}" for alias in node.names)
 
 
-def named(path: Path) -> Iterator[str]:
-    """Everything a file imports, by statement or by a text that names a module."""
-    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
-        yield from stated(node)
-        if isinstance(node, ast.Constant) and isinstance(node.value, str) and (text := MODULE.match(node.value)):
-            yield text[0]
+@cache
+def read(path: Path, text: str) -> tuple[frozenset[str], frozenset[str]]:
+    """What a file of this text imports by statement, and what else of it names a module."""
+    by_statement: set[str] = set()
+    by_text: set[str] = set()
+    for node in ast.walk(ast.parse(text)):
+        by_statement.update(stated(node))
+        if isinstance(node, ast.Constant) and isinstance(node.value, str) and (found := MODULE.match(node.value)):
+            by_text.add(found[0])
         elif isinstance(node, ast.Call) and getattr(node.func, "attr", getattr(node.func, "id", "")) in (
                 "import_module", "__import__"):
-            yield from (a.value for a in node.args if isinstance(a, ast.Constant) and isinstance(a.value, str))
+            by_text.update(a.value for a in node.args if isinstance(a, ast.Constant) and isinstance(a.value, str))
+    return frozenset(by_statement), frozenset(by_text)
+
+
+def named(path: Path) -> frozenset[str]:
+    """Everything a file imports, by statement or by a text that names a module."""
+    return frozenset.union(*read(path, path.read_text(encoding="utf-8")))
 
 
 def imported(path: Path) -> set[str]:
@@ -111,8 +121,17 @@ def reached(graph: Graph, start: str) -> set[str]:
     return found - {start}
 
 
-FILES = files_graph()
-ROOMS = rooms_graph(FILES)
+@cache
+def our_files() -> Graph:
+    """The graph of all files here, which takes seconds to read: not while tests are collected."""
+    return files_graph()
+
+
+@cache
+def our_rooms() -> Graph:
+    return rooms_graph(our_files())
+
+
 DRAWN = {name: {to for source, to in picture.ARROWS if source == name} for name in picture.ROOMS}
 
 
@@ -120,7 +139,7 @@ DRAWN = {name: {to for source, to in picture.ARROWS if source == name} for name 
 def test_packages_import_one_way(package):
     assert sources(package), f"{package} has no sources where this test looks"
     wrong = {str(path.relative_to(ROOT)): sorted(bad) for path in sources(package)
-             if (bad := {other.split("/")[0] for other in FILES[path.relative_to(ROOT).as_posix()]}
+             if (bad := {other.split("/")[0] for other in our_files()[path.relative_to(ROOT).as_posix()]}
                  - {package} - MAY_IMPORT[package])}
     assert not wrong
 
@@ -132,15 +151,15 @@ def test_one_file_knows_a_border_library(library):
 
 
 def test_files_import_in_no_circle():
-    assert circle(FILES) == []
+    assert circle(our_files()) == []
 
 
 def test_folders_import_in_no_circle():
-    assert circle(ROOMS) == []
+    assert circle(our_rooms()) == []
 
 
 def test_the_scenario_knows_no_run():
-    assert reached(ROOMS, "coupler/scenario") <= BELOW_SCENARIO
+    assert reached(our_rooms(), "coupler/scenario") <= BELOW_SCENARIO
 
 
 def undeclared(root: Path, *folders: str) -> set[str]:
@@ -150,8 +169,7 @@ def undeclared(root: Path, *folders: str) -> set[str]:
     declared = {plain(re.split(r"[^\w.-]", text)[0]) for names in [project["dependencies"], *extras] for text in names}
     own = {part for path in root.rglob("*.py") for part in (path.stem, *path.relative_to(root).parts[:-1])}
     users = {name.split(".")[0] for folder in folders for path in sources(folder, root)
-             for node in ast.walk(ast.parse(path.read_text(encoding="utf-8")))
-             for name in stated(node)} - own - set(sys.stdlib_module_names)
+             for name in read(path, path.read_text(encoding="utf-8"))[0]} - own - set(sys.stdlib_module_names)
     makers = packages_distributions()
     return {name for name in users
             if not declared & {plain(maker) for maker in [COMES_WITH.get(name, name), *makers.get(name, ())]}}
@@ -174,23 +192,23 @@ def test_a_library_that_nobody_declared_is_found(tmp_path):
 
 @pytest.mark.parametrize("entry", sorted(ENTRIES))
 def test_nothing_within_imports_an_entry_file(entry):
-    assert [file for file, others in FILES.items() if entry in others] == []
+    assert [file for file, others in our_files().items() if entry in others] == []
 
 
 def test_every_room_is_drawn_and_no_other():
-    assert set(picture.ROOMS) == set(ROOMS), "docs/site/rooms.py: ROOMS"
+    assert set(picture.ROOMS) == set(our_rooms()), "docs/site/rooms.py: ROOMS"
 
 
 @pytest.mark.parametrize("arrow", picture.ARROWS, ids=" to ".join)
 def test_an_arrow_is_an_import_and_leads_down(arrow):
     source, target = arrow
-    assert target in ROOMS[source], "docs/site/rooms.py: no file of the one room imports from the other"
+    assert target in our_rooms()[source], "docs/site/rooms.py: no file of the one room imports from the other"
     assert picture.left_top(picture.ROOMS[source])[1] < picture.left_top(picture.ROOMS[target])[1]
 
 
-@pytest.mark.parametrize("room", sorted(ROOMS))
+@pytest.mark.parametrize("room", sorted(picture.ROOMS))
 def test_every_import_follows_arrows_down(room):
-    wrong = [f"{file} imports {other}" for file, others in FILES.items() for other in others
+    wrong = [f"{file} imports {other}" for file, others in our_files().items() for other in others
              if room_of(file) == room and room_of(other) not in {room, *reached(DRAWN, room)}]
     assert not wrong, "it goes upwards, or an arrow is missing in docs/site/rooms.py"
 

@@ -49,12 +49,13 @@ CASE_CODE = re.compile(r"\bcases? [A-F]\d{1,2}[a-d]?\b")
 
 def texts_of(path: Path) -> Iterator[tuple[int, str]]:
     """What a source file may show: its string constants, but docstrings of what is not public."""
-    tree = ast.parse(path.read_text(encoding="utf-8"))
-    private = {id(node.body[0].value) for node in ast.walk(tree)
-               if isinstance(node, ast.Module | ast.ClassDef | ast.FunctionDef) and node.body
-               and isinstance(node.body[0], ast.Expr) and getattr(node, "name", "_").startswith("_")}
-    for node in ast.walk(tree):
-        if isinstance(node, ast.Constant) and isinstance(node.value, str) and id(node) not in private:
+    private: set[int] = set()
+    # A docstring is met after what it is of: the walk goes from the outside in.
+    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+        if (isinstance(node, ast.Module | ast.ClassDef | ast.FunctionDef) and node.body
+                and isinstance(node.body[0], ast.Expr) and getattr(node, "name", "_").startswith("_")):
+            private.add(id(node.body[0].value))
+        elif isinstance(node, ast.Constant) and isinstance(node.value, str) and id(node) not in private:
             yield node.lineno, node.value
 
 

@@ -69,6 +69,7 @@ def test_what_it_needs_and_where_it_is_from_are_in_its_name(fmu, tmp_path, chang
     assert guids[0] != guids[1]
 
 
+@pytest.mark.few("<lambda>-interface.h5_0")
 @pytest.mark.parametrize(("spoil", "match"), [
     (lambda d: (d / "model.json").unlink(), "model.json"),
     (lambda d: (d / "model.json").write_text('{"half": "other"}'), "not 'toy'"),
@@ -132,6 +133,7 @@ EDITED = """
 """
 
 
+@pytest.mark.slow
 def test_sources_edited_since_they_were_loaded_are_refused(tmp_path):
     """As by who edits a half in an editor and runs it again in the same notebook: the old one was run, in silence."""
     other = tmp_path / "other" / "toy_half"

@@ -115,8 +115,9 @@ def test_what_sources_import_is_found_without_parsing_them() -> None:
                 names |= {alias.name.partition(".")[0] for alias in node.names}
             elif isinstance(node, ast.ImportFrom) and node.module and not node.level:
                 names.add(node.module.partition(".")[0])
-        assert names <= imported(source), path
-        assert not {n for n in imported(source) - names if n in installed()}, path
+        found = imported(source)
+        assert names <= found, path
+        assert not {n for n in found - names if n in installed()}, path
 
 
 def test_forms_of_imports() -> None:

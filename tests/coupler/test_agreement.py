@@ -55,15 +55,9 @@ def bench_of(wrong: Wrong) -> Bench:
 
 
 @pytest.mark.few(
-    "thermal: conductivity twice too large", "thermal: density left out", "thermal: latent heat left out",
-    "thermal: radiation left out", "thermal: a film left out on one edge", "thermal: a flux with the other sign",
-    "thermal: a source left out", "thermal: a prescribed temperature that stays",
-    "thermal: radiation across the gap left out", "thermal: the gap taken as half as wide",
-    "thermal: pressure not heard", "thermal: mechanical heat not heard", "thermal: no turn around the axis",
-    "mechanical: stiffness a third too large", "mechanical: Poisson's number halved",
-    "mechanical: plane stress for plane strain", "mechanical: expansion a quarter too large",
-    "mechanical: weight left out", "mechanical: a pressure along x in place of the normal",
-    "mechanical: a traction left out", "mechanical: temperatures not heard", "mechanical: no turn around the axis")
+    "thermal: latent heat left out", "thermal: the gap taken as half as wide", "thermal: pressure not heard",
+    "thermal: mechanical heat not heard", "mechanical: stiffness a third too large",
+    "mechanical: temperatures not heard", "mechanical: no turn around the axis")
 @pytest.mark.parametrize("name", FAULTS)
 def test_a_wrong_law_is_named(name: str) -> None:
     finding = agrees(bench_of(FAULTS[name]), AGREES)
@@ -71,7 +65,7 @@ def test_a_wrong_law_is_named(name: str) -> None:
     assert FAULTS[name].says in finding.reason
 
 
-@pytest.mark.few("thermal-pressed", "thermal-round", "mechanical-blocks", "mechanical-round blocks")
+@pytest.mark.few("thermal-pressed", "mechanical-blocks")
 @pytest.mark.parametrize(("role", "scene"), [
     ("thermal", "apart"), ("thermal", "pressed"), ("thermal", "round"), ("mechanical", "blocks"),
     ("mechanical", "round blocks")])
@@ -79,6 +73,7 @@ def test_the_half_itself_passes(role: str, scene: str) -> None:
     assert agrees(bench_of(Wrong(role, scene)), AGREES).verdict is CheckVerdict.PASS
 
 
+@pytest.mark.few("backward_euler")
 @pytest.mark.parametrize("method", ["midpoint", "backward_euler"])
 def test_another_method_in_time_passes(method: str) -> None:
     """Ten times as wrong as the own half's, and it says so itself: by its substeps in two halves."""

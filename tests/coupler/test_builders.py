@@ -75,6 +75,7 @@ def test_who_kills_the_process_ends_no_build(rigid, tmp_path):
     assert build(rigid, tmp_path / "3.fmu").is_file()
 
 
+@pytest.mark.slow
 def test_a_process_that_cannot_import_ends_no_build(rigid, tmp_path):
     run_builder("rigid", MODULE, [str(rigid), str(tmp_path / "1.fmu")], tmp_path / "1.fmu", ("here", ["none_such"]))
     assert (tmp_path / "1.fmu").is_file()

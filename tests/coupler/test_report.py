@@ -181,7 +181,7 @@ def test_probe_names_are_no_formulas(tmp_path: Path) -> None:
         assert label in svg
 
 
-@pytest.mark.few("failed-This run failed.", "something-did not complete (something)")
+@pytest.mark.few("something-did not complete (something)")
 @pytest.mark.parametrize(("outcome", "headline"), [
     ("failed", "This run failed."), ("interrupted", "This run was interrupted."),
     ("stopped", "This run was stopped before its end."), ("something", "did not complete (something)")])
@@ -199,7 +199,7 @@ def test_a_killed_run_says_how_far_it_came(tmp_path: Path) -> None:
     assert "of wall-clock time" in words
 
 
-@pytest.mark.few("case0", "case2")
+@pytest.mark.few("case2")
 @pytest.mark.parametrize("case", [
     Case(windows=1, frames=1, reject=0), Case(windows=1, frames=0, probes=False, ledger=False, reject=0),
     Case(windows=0, frames=0, reject=0), Case(windows=3, frames=0), Case(windows=3, probes=False)])

@@ -55,6 +55,7 @@ def test_what_no_step_shows_is_named_before_the_run(wrong: str, check: str, tmp_
         (TrustVerdict.UNCHECKED, "thermal half wall.fmu: not checked: left out (--no-verify)")]
 
 
+@pytest.mark.slow
 def test_the_command_ends_with_1_and_one_error(tmp_path: Path) -> None:
     done = subprocess.run([sys.executable, "-m", "coupler.cli", *words(tmp_path, "KEEPS_TIME")], capture_output=True,
                           text=True, timeout=300, check=False)

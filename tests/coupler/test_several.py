@@ -210,6 +210,7 @@ def test_one_that_dies_is_named_and_the_run_goes_on(file: Path, whole: Path, tmp
     assert differences(whole, out) == []
 
 
+@pytest.mark.slow
 def test_one_that_dies_is_started_anew_where_that_is_allowed(file: Path, whole: Path, tmp_path: Path) -> None:
     def kill(progress: Progress) -> None:
         if progress.number == 2:

@@ -109,7 +109,7 @@ class Impact:
 
 
 # Bars, which cost three times as much, by each way of enforcing contact.
-@pytest.mark.few("1.0-None-wall", "0.1-semi_smooth-bars")
+@pytest.mark.few("1.0-None-wall")
 @pytest.mark.parametrize(("penalty", "augmented", "kind"), [
     (0.1, None, "wall"), (1.0, None, "wall"), (100.0, None, "bars"),
     (0.1, "semi_smooth", "bars"), (1.0, "uzawa", "wall"), (1.0, "uzawa", "bars"), (10.0, "semi_smooth", "wall")])
@@ -127,9 +127,7 @@ def test_a_bar_comes_back_as_the_wave_says_at_any_penalty(kind, penalty, augment
     assert run.impulse(kind) == pytest.approx(1.0, abs=0.02)
 
 
-@pytest.mark.few(
-    "bars-2.0-1.0-semi_smooth", "wall-15.0-1.0-semi_smooth", "bars-15.0-10.0-None", "wall-150.0-1.0-semi_smooth",
-    "bars-150.0-10.0-None")
+@pytest.mark.few("bars-2.0-1.0-semi_smooth", "bars-150.0-10.0-None")
 @pytest.mark.parametrize(("kind", "cfl", "penalty", "augmented"), [
     (kind, cfl, *((10.0, None), (1.0, "semi_smooth"))[(i + k) % 2])
     for i, cfl in enumerate((2.0, 15.0, 30.0, 150.0)) for k, kind in enumerate(("wall", "bars"))])
@@ -142,9 +140,7 @@ def test_energy_and_momentum_stay_in_steps_of_any_length(kind, cfl, penalty, aug
         assert run.lower + run.upper == pytest.approx(-V * run.mass, rel=1e-6)
 
 
-@pytest.mark.few(
-    "1.0-how3", "10.0-how0", "10.0-how1", "10.0-how2", "10.0-how3", "10.0-how4", "100.0-how0", "100.0-how1",
-    "100.0-how2", "100.0-how3", "100.0-how4")
+@pytest.mark.few("1.0-how3", "10.0-how0", "100.0-how4")
 @pytest.mark.parametrize("how", [{"rho_inf": 0.8}, {"rho_inf": 0.0}, {"alpha": -0.1}, {"mass": "lumped"},
                                  {"beta": 0.3, "gamma": 0.6}])
 @pytest.mark.parametrize("cfl", [1.0, 10.0, 100.0])
@@ -159,7 +155,7 @@ ANY = ({"nu": 0.49}, {"nu": 0.4999}, {"geometry": "axisymmetric"}, {"geometry": 
 
 
 # Bars, which cost three times as much, where the two sides differ in what they do.
-@pytest.mark.few("wall-{'across': 1}", "bars-{'swapped': True}")
+@pytest.mark.few("wall-{'across': 1}")
 @pytest.mark.parametrize(("kind", "more"), [*(("wall", more) for more in ANY),
                                             *(("bars", ANY[i]) for i in (3, 5, 6))], ids=str)
 def test_any_material_geometry_mesh_and_roles(kind, more):

@@ -131,7 +131,7 @@ def cooled(method, n):
     return run(bar, model, 0.4 / n, n).T[-1]
 
 
-@pytest.mark.few("sdirk2-2.0", "backward_euler-1.0")
+@pytest.mark.few("sdirk2-2.0")
 @pytest.mark.parametrize(("method", "expected"), [("midpoint", 2.0), ("sdirk2", 2.0), ("backward_euler", 1.0)])
 def test_a12_order_with_temperature_dependent_conduction_and_film(method, expected):
     """Coefficients taken at the start of a step would give order 1."""
