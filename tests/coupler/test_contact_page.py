@@ -4,19 +4,18 @@ from __future__ import annotations
 
 import re
 import sys
-from collections.abc import Iterator
 from pathlib import Path
-from typing import Any
 
 import pytest
-from ruamel.yaml import YAML
 
 from contact.problem.pairs import Augmented, ContactForm, ContactPair, Friction
 from coupler.scenario import load_scenario
 from mechanical_fmu.problem import parse_elastic
 
 sys.path.insert(0, str(Path(__file__).parents[2] / "benchmarks"))
+sys.path.insert(0, str(Path(__file__).parent))
 from contact_runs import PAGE
+from page_blocks import keys_in, written
 from thermal_page import scenes
 
 TEXT = PAGE.read_text(encoding="utf-8")
@@ -27,21 +26,8 @@ ELSEWHERE = {"conduction", "radiation", "clearance"}  # said in thermal.md; the 
 
 @pytest.mark.parametrize("name", SCENES)
 def test_every_block_is_a_scenario(name: str, tmp_path: Path) -> None:
-    path = tmp_path / "s.yaml"
-    with path.open("w", encoding="utf-8") as file:
-        YAML(typ="safe").dump(SCENES[name], file)
-    scenario = load_scenario(path)
+    scenario = load_scenario(written(SCENES[name], tmp_path))
     assert parse_elastic(scenario.interface, scenario.models["mechanical"])
-
-
-def keys_in(value: Any) -> Iterator[str]:
-    if isinstance(value, dict):
-        for key, inner in value.items():
-            yield key
-            yield from keys_in(inner)
-    elif isinstance(value, list):
-        for inner in value:
-            yield from keys_in(inner)
 
 
 def test_every_key_of_contact_is_in_a_block() -> None:

@@ -6,11 +6,9 @@ import re
 import sys
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Any
 
 import pytest
 from pydantic import BaseModel
-from ruamel.yaml import YAML
 
 from contact.problem.boundary import RadiationGap
 from contact.problem.curves import FieldSum, Phases, Term
@@ -21,6 +19,8 @@ from coupler.scenario import load_scenario
 from coupler.scenario.schema import Thermal
 
 sys.path.insert(0, str(Path(__file__).parents[2] / "benchmarks"))
+sys.path.insert(0, str(Path(__file__).parent))
+from page_blocks import keys_in, written
 from thermal_page import PAGE, scenes
 
 TEXT = PAGE.read_text(encoding="utf-8")
@@ -34,20 +34,7 @@ ELSEWHERE = {"half", "bind", "replay", "options", "ignore", "tolerance", "at", "
 
 @pytest.mark.parametrize("name", SCENES)
 def test_every_block_is_a_scenario(name: str, tmp_path: Path) -> None:
-    path = tmp_path / "s.yaml"
-    with path.open("w", encoding="utf-8") as file:
-        YAML(typ="safe").dump(SCENES[name], file)
-    assert load_scenario(path).notes == ()
-
-
-def keys_in(value: Any) -> Iterator[str]:
-    if isinstance(value, dict):
-        for key, inner in value.items():
-            yield key
-            yield from keys_in(inner)
-    elif isinstance(value, list):
-        for inner in value:
-            yield from keys_in(inner)
+    assert load_scenario(written(SCENES[name], tmp_path)).notes == ()
 
 
 def test_every_thermal_key_is_in_a_block() -> None:

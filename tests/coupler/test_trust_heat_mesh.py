@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import subprocess
 import sys
 from pathlib import Path
 
@@ -11,8 +10,9 @@ import pytest
 sys.path.insert(0, str(Path(__file__).parent))
 from mesh_scenes import block_meshes
 from several_scenes import TWO, blocks, ran
+from untrusted_runs import trust_both_ways
 
-from coupler import Results, load_scenario, run
+from coupler import load_scenario, run
 from coupler.fmu.launch import launch
 from coupler.running.resume import resume
 from coupler.trust import heat_mesh
@@ -64,14 +64,8 @@ def test_a_wall_by_its_cells(tmp_path, cells, how, end, size, verdict):
 
 @pytest.mark.slow
 def test_the_command_line_ends_with_4_and_processes_tell_the_same(tmp_path):
-    file, told = scene(tmp_path), []
-    for more in ([], ["--processes"]):
-        out = tmp_path / f"run{len(more)}.h5"
-        command = [sys.executable, "-m", "coupler.cli", "run", str(file), "--out", str(out), *more]
-        done = subprocess.run(command, capture_output=True, text=True, timeout=300, check=False)
-        assert done.returncode == 4, done.stdout + done.stderr
-        told.append(check_of(Results(out).trust))
-    assert told[0] == told[1]
+    embedded, apart = map(check_of, trust_both_ways(scene(tmp_path), tmp_path))
+    assert embedded == apart
 
 
 def test_a_run_that_went_on_tells_the_same(tmp_path):
