@@ -15,7 +15,7 @@ sys.path.insert(0, str(Path(__file__).parents[1]))
 from random_scenes.scene import Scene
 from random_scenes.story import Story, told
 
-from coupler.trust.facets import GAPS, NAME, FacetLog, Facets, checks, strays_of
+from coupler.trust.facets import GAPS, NAME, Chords, FacetLog, Facets, checks
 from coupler.trust.penetration import Yields
 
 A, B, C, DELTA = 0.012, 0.028, 0.047, 2.0e-5
@@ -88,7 +88,7 @@ def test_a_stated_fit_strays_between_the_nodes_of_its_slave_alone() -> None:
 def test_the_stray_is_that_of_the_chords() -> None:
     """An edge of length h on a radius R strays by (h^2/2R) xi (1 - xi); mean square 1/30 of (h^2/2R)^2."""
     interface = fitted((16, 32), drawn=-2.0e-3).interface
-    strays, at_nodes, gap = strays_of(interface)
+    strays, at_nodes, gap = Chords(interface).strays(interface.nodes)
     side = next(side for side in interface.pair_sides if side.own)
     r = B - 1.0e-3
     rise = 0.5 * r * (np.pi / 32.0) ** 2
@@ -102,7 +102,7 @@ def test_the_stray_is_that_of_the_chords() -> None:
     np.testing.assert_allclose(at_nodes[side.at], 0.0, atol=0.02 * rise)
     exchanged = fitted((16, 32), exchange=True, drawn=-2.0e-3).interface
     side = next(side for side in exchanged.pair_sides if side.own)
-    np.testing.assert_allclose(strays_of(exchanged)[1][side.at][1::2], 0.25 * rise, rtol=5e-3)
+    np.testing.assert_allclose(Chords(exchanged).strays(exchanged.nodes)[1][side.at][1::2], 0.25 * rise, rtol=5e-3)
 
 
 @pytest.mark.parametrize("exchange", [False, True])
@@ -140,3 +140,20 @@ def test_the_first_touch_of_a_ball_counts_by_its_pressure() -> None:
     assert (faint[1], firm[1]) == ("broken", "holds")
     for pressures in ((1.0e5, 1.0e11), (1.0e11, 1.0e5)):
         assert rows(*pressures) == (pytest.approx(firm[0]), "holds")
+
+
+@pytest.mark.parametrize("turned", [0.0, 0.5, 1.0])
+def test_edges_that_match_stray_as_a_body_turns(turned: float) -> None:
+    """16 edges on 16, turned by so many edges: the chords face each other, then each other's nodes, then each other."""
+    story = fitted((16, 16), interference=DELTA)
+    facets, end = Facets(story.interface, Yields(story.interface)), story.levels[-1]
+    side = next(side for side in story.interface.pair_sides if side.own)
+    angle = turned * np.pi / 32.0
+    shaft = story.interface.node_body == story.interface.bodies.index("shaft")
+    x = end.x.copy()
+    x[shaft] = x[shaft] @ np.array([[np.cos(angle), np.sin(angle)], [-np.sin(angle), np.cos(angle)]])
+    inner = np.zeros_like(end.covered)
+    inner[side.at][2:-2] = 1.0  # the ends of a quarter have turned away
+    row = checks(facets.watched(FacetLog(), replace(end, x=x, covered=inner)), facets)[0]
+    assert row.number == pytest.approx(0.95 if turned == 0.5 else 0.0, abs=0.1)
+    assert row.verdict == ("broken" if turned == 0.5 else "holds")
