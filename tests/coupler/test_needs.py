@@ -82,7 +82,7 @@ def test_one_whose_steps_have_one_length_is_asked_for_no_other() -> None:
     assert found(Metronome)["time passes"].verdict is CheckVerdict.FAIL, "it says that it takes any"
 
 
-@pytest.mark.few("None-False", "reads3-True")
+@pytest.mark.few("reads3-True")
 @pytest.mark.parametrize(("reads", "left"), [
     (None, False), (frozenset({"materials"}), False), (frozenset({"materials.rho", "materials.c"}), False),
     (frozenset({"materials.rho"}), True), (frozenset(), True)])

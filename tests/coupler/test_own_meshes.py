@@ -70,6 +70,7 @@ def test_it_is_the_run_of_that_mesh(file: Path, tmp_path: Path, other: Results) 
     assert other.heat_imbalance < CLOSE
 
 
+@pytest.mark.slow
 def test_around_an_axis_it_is_the_run_of_that_mesh(file: Path, tmp_path: Path) -> None:
     """Discs in place of blocks: what is exchanged goes by areas of the whole turn."""
     about, probe = SHORT | {"geometry": "axisymmetric"}, {"probes": {"upper.T": {"T": "upper.bottom.left"}}}

@@ -50,6 +50,7 @@ def test_stretches_end_at_kinks_and_where_the_scheme_changes(run: Results) -> No
         ("extrapolated", 4), ("staggered", 12), ("staggered", 4)]
 
 
+@pytest.mark.few("0.25")
 @pytest.mark.parametrize("contraction", [np.nan, 0.25])
 def test_contractions_are_drawn_where_any_was_measured(run: Results, contraction: float) -> None:
     run.windows.iterations[:], run.windows.contraction[:] = 3, contraction

@@ -125,6 +125,7 @@ def test_each_quantity_is_of_the_order_that_the_table_tells(scheme, level, quant
     assert order(quantity, scheme, level) == pytest.approx(getattr(scheme.exchange_at(level), quantity).order, abs=0.1)
 
 
+@pytest.mark.few("extrapolated-middle-False", "iterated-middle-False")
 @pytest.mark.parametrize("heats", [False, pytest.param(True, marks=pytest.mark.slow)])
 @pytest.mark.parametrize(("scheme", "level"), ROWS)
 def test_a_run_is_of_the_least_of_them(scheme, level, heats):
@@ -152,6 +153,7 @@ def ratios(pair: Halves, state: CoupledState, scheme: CouplingScheme, level: See
     return found
 
 
+@pytest.mark.few("staggered-middle-0.3", "extrapolated-middle-0.3", "iterated-middle-0.3", "adiabatic-middle-0.3")
 @pytest.mark.parametrize("share", [pytest.param(0.05, marks=pytest.mark.slow), 0.3])
 @pytest.mark.parametrize(("scheme", "level"), ROWS)
 def test_the_estimated_error_is_the_true_one_within_a_factor_of_two(scheme, level, share):
@@ -159,6 +161,7 @@ def test_the_estimated_error_is_the_true_one_within_a_factor_of_two(scheme, leve
     assert 0.5 < np.median(honesty("all", scheme, level, share * UNIT)[2:]) < 2.0
 
 
+@pytest.mark.few("along_heat-0.1")
 @pytest.mark.parametrize("share", [0.1])
 @pytest.mark.parametrize("scheme", [s for s in SCHEMES if s.exchange_at(Seen.MIDDLE).order(True)
                                     < s.exchange_at(Seen.MIDDLE).order(False)], ids=lambda s: s.name.value)
@@ -166,6 +169,7 @@ def test_heat_that_comes_a_window_late_is_seen_by_the_estimate(scheme, share):
     assert 0.5 < np.median(honesty("all, with heat", scheme, Seen.MIDDLE, share * UNIT)[2:]) < 2.0
 
 
+@pytest.mark.few("0.1")
 @pytest.mark.parametrize("share", [0.05, 0.1, 0.2])
 def test_the_error_of_the_adiabatic_split_of_a_moving_bar(share):
     """Case E1, where all that acts back is the heat of squeezing."""

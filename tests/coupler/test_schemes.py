@@ -34,9 +34,7 @@ def swing(scheme: Scheme, dt: float, method: str, n: int = 200) -> float:
     return abs(a - b)
 
 
-@pytest.mark.few(
-    "Scheme.STAGGERED-midpoint-0.98", "Scheme.STAGGERED-backward_euler-0.98", "Scheme.PARALLEL-midpoint-1.0",
-    "Scheme.EXTRAPOLATED-midpoint-2.01")
+@pytest.mark.few("Scheme.STAGGERED-midpoint-0.98", "Scheme.EXTRAPOLATED-midpoint-2.01")
 @pytest.mark.parametrize(("scheme", "method", "order"), [
     (Scheme.STAGGERED, "midpoint", E8["order_staggered"]), (Scheme.STAGGERED, "backward_euler", E8["order_staggered"]),
     (Scheme.MECHANICAL_FIRST, "midpoint", 1.0), (Scheme.PARALLEL, "midpoint", 1.0),

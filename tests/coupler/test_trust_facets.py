@@ -105,6 +105,7 @@ def test_the_stray_is_that_of_the_chords() -> None:
     np.testing.assert_allclose(Chords(exchanged).strays(exchanged.nodes)[1][side.at][1::2], 0.25 * rise, rtol=5e-3)
 
 
+@pytest.mark.few("True")
 @pytest.mark.parametrize("exchange", [False, True])
 def test_a_gap_to_chords_is_told(exchange: bool) -> None:
     """A clearance of 50 um of 13 edges on 17: gaps at nodes are off by half of it, and by 1 % with `smooth`."""

@@ -44,6 +44,7 @@ def check_of(rows):
     return next((c for c in rows if c.name == mesh.NAME), None)
 
 
+@pytest.mark.few("[10, 2]--broken", "[60, 6]--holds")
 @pytest.mark.parametrize(("cells", "more", "verdict"), [
     ("[10, 2]", "", "broken"), ("[20, 2]", "", "noted"), ("[60, 6]", "", "holds"),
     ("[10, 2]", "element: enhanced", "holds")])

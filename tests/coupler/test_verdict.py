@@ -184,6 +184,7 @@ def test_the_command_ends_with_5_where_runs_differ(tmp_path):
         assert facts["verdict"] in done.output
 
 
+@pytest.mark.slow
 def test_run_with_compare_swaps_runs_and_judges(tmp_path):
     out = tmp_path / "rod.h5"
     done = CliRunner().invoke(app, ["run", str(BARS), "-o", str(out), "--swap", "thermal=lumped", "--compare", "--set",

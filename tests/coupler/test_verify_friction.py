@@ -51,6 +51,7 @@ SCENES = {"augmented": SCENE, "penalty": SCENE.replace(PENALTY, PENALTY + "    a
                                                                                        "master: upper.bottom")}
 
 
+@pytest.mark.few("augmented-None-CheckVerdict.PASS", "augmented-dies_away-CheckVerdict.FAIL")
 @pytest.mark.parametrize(("scene", "rule", "verdict"), [
     *((name, None, CheckVerdict.PASS) for name in SCENES),
     ("augmented", creeps, CheckVerdict.FAIL), ("augmented", dies_away, CheckVerdict.FAIL)])

@@ -122,6 +122,7 @@ def test_a_run_cut_in_two_is_the_uncut_one(beside):
         (body, what) for body in ("plate", "foot") for what in ("T", "u")}
 
 
+@pytest.mark.slow
 def test_with_expansion_the_heat_on_its_way_is_all_that_is_lost(tmp_path):
     """Heat made in a window is delivered in the next: that of the last one, here 6 mK, does not cross the cut."""
     whole = solved(tmp_path, SCENE, "whole")
@@ -133,6 +134,7 @@ def test_with_expansion_the_heat_on_its_way_is_all_that_is_lost(tmp_path):
     assert max(v for n, v in differ(whole, two, after=1.0).items()) < 3e-5
 
 
+@pytest.mark.slow
 def test_creep_of_enhanced_cells_in_plane_stress_goes_on(tmp_path):
     """What every law and element remembers has its place: here creep strain, modes and the thickness."""
     doc = edited(SCENE, materials__soft={**STEEL, "alpha": 0.0, "creep": {"K": 6.0e8, "m": 0.2}},

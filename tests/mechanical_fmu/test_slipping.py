@@ -68,6 +68,7 @@ def expected(mu: float, angle: float, cycles: int):
                     ).reshape(-1, 2)
 
 
+@pytest.mark.few("0.4-0.17453292519943295-1", "0.2-0.17453292519943295-2")
 @pytest.mark.parametrize(("mu", "angle", "steps"), [(0.4, ANGLE, 1), (0.4, ANGLE, 4), (0.4, -ANGLE, 1),
                                                    (0.2, ANGLE, 2), (0.9, ANGLE, 1), (0.3, 0.0, 1)])
 def test_it_creeps_down_as_moseley_says(mu: float, angle: float, steps: int) -> None:
@@ -77,6 +78,7 @@ def test_it_creeps_down_as_moseley_says(mu: float, angle: float, steps: int) -> 
     assert np.abs(off).max() < 0.3 * STEEL["alpha"] * WARM * L / CELLS
 
 
+@pytest.mark.few("0.4")
 @pytest.mark.parametrize("mu", [0.2, 0.4, 0.9])
 def test_what_sticks_is_found_soon(mu: float, monkeypatch: pytest.MonkeyPatch) -> None:
     """At most 20 solves a step where all damped increments did not do."""

@@ -92,6 +92,7 @@ def test_a_cycle_to_and_fro_loses_what_friction_takes(form):
     assert work == pytest.approx(by_cycle.sum(), abs=2.0 * stored)
 
 
+@pytest.mark.slow
 def test_a_slider_that_swings_loses_what_coulomb_says():
     """6.5, 4.5, 2.5 and 0.5 x_s far, where it stays: its energy, and mu N over a path of 27.5 x_s."""
     far = 6.5 * X_S

@@ -39,6 +39,7 @@ SCENES = {
 }
 
 
+@pytest.mark.few("blocks-no passing through", "blocks-what is open does not press")
 @pytest.mark.parametrize("law", [PASSING, LONGER_WINDOWS, OPEN], ids=str)
 @pytest.mark.parametrize("scene", [pytest.param(scene, marks=() if name == "blocks" else pytest.mark.slow)
                                    for name, scene in SCENES.items()], ids=SCENES)

@@ -36,7 +36,7 @@ def rod(scheme: str = "staggered", size: float = 20.0) -> Scene:
     return Scene(doc, {"bar": box(0, 0, 0.1, 0.01, (10, 1)), "wall": box(0.1 + 3.3e-4, 0, 0.01, 0.01, (2, 1))})
 
 
-@pytest.mark.few("plate", "blocks")
+@pytest.mark.few("plate")
 @pytest.mark.parametrize("scene", [
     plate({"on": "plate.left", "temperature": 500}, size=4.0, end=60.0),
     two_blocks(gap=1e-5, end=20.0),

@@ -45,6 +45,7 @@ def violations(law: Invariant, scene: Scene, story: Story, seed: int = 1) -> lis
     return [f.what for f in law.check(scene, story, np.random.default_rng(seed))]
 
 
+@pytest.mark.few("stack", "heat")
 @pytest.mark.parametrize("name", SCENES)
 def test_a_scene_by_hand_says_something(name: str) -> None:
     _, story = scene_and_story(name)
@@ -52,6 +53,8 @@ def test_a_scene_by_hand_says_something(name: str) -> None:
     assert np.ptp(story.T) > 1.0
 
 
+@pytest.mark.few(
+    "stack-frame: mirror", "stack-frame: renumber", "stack-frame: order of bodies", "stack-frame: unit of length")
 @pytest.mark.parametrize("law", LAWS)
 @pytest.mark.parametrize("name", [pytest.param(n, marks=() if n == "stack" else pytest.mark.slow) for n in SCENES])
 def test_right_scenes_keep_the_laws(name: str, law: str) -> None:
@@ -146,6 +149,8 @@ FAULTS = [
 ]
 
 
+@pytest.mark.few(
+    "frame: shift", "frame: turn", "frame: order of pairs", "frame: unit of temperature", "frame: start of time")
 @pytest.mark.parametrize(("law", "name", "plant"), FAULTS, ids=[law.name for law, _, _ in FAULTS])
 def test_a_fault_breaks_its_law(law: Invariant, name: str, plant: Callable[[Patch], None], monkeypatch: Patch) -> None:
     scene = SCENES[name]()
@@ -228,6 +233,7 @@ def test_an_axis_stays_where_it_is() -> None:
         shifted(disc(), 1.0, 0.0)
 
 
+@pytest.mark.few("heat")
 @pytest.mark.parametrize("name", ["heat", "pressed", "disc"])
 def test_writing_defaults_out_changes_nothing(name: str) -> None:
     scene, story = scene_and_story(name)

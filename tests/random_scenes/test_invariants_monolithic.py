@@ -97,6 +97,7 @@ def test_geometry_of_another_time_is_found(monkeypatch):
     assert any("does not solve the system" in text for text in found(one_system_laws.check_one_system, across_a_film()))
 
 
+@pytest.mark.slow
 def test_iterating_that_ends_too_early_is_found(monkeypatch):
     right = iterate.misfits
     monkeypatch.setattr(iterate, "misfits", lambda *how: {n: 1e-3 * v for n, v in right(*how).items()})
@@ -111,6 +112,7 @@ def test_damped_methods_come_to_rest():
     assert not one_system_laws.STEADY.applies(pressed()), "nothing holds its upper body"
 
 
+@pytest.mark.slow
 def test_methods_that_damp_no_more_are_found(monkeypatch):
     for name in ("backward_euler", "sdirk2"):
         nearly_midpoint = (methods.Stage(0.55, 1.0, 0.55),)

@@ -119,7 +119,7 @@ ENFORCED: dict[str, dict[str, Any]] = {
 
 # A quarter turn in one window is cut where all pressures are found at once, and where single nodes press: it has other
 # windows then, and is not compared.
-@pytest.mark.few("1-two passes")
+@pytest.mark.slow
 @pytest.mark.parametrize(("windows", "enforced"), [(n, e) for n in (1, 9) for e in ENFORCED
                                                    if (n, e) not in ((1, "penalty"), (1, "semi_smooth"), (1, "nodes"))])
 def test_a_scene_with_friction_feels_nothing_of_a_turn(windows: int, enforced: str) -> None:

@@ -50,6 +50,7 @@ def test_windows_follow_those_of_a_run_in_equal_pieces():
     np.testing.assert_allclose(cut.t[::4], story.t, rtol=1e-9)
 
 
+@pytest.mark.slow
 def test_another_scheme_and_method_run():
     for scene in (with_scheme(pressed(), "mechanical_first", "sdirk2"), tightly_iterated(pressed(), 0.01)):
         story = told(scene)

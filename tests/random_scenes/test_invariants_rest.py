@@ -21,7 +21,7 @@ WARM = plate({"on": "plate.left", "convection": {"h": 200, "T": 500}}, {"on": "p
 APART = two_blocks(gap=1e-3)
 
 
-@pytest.mark.few("plate", "corner")
+@pytest.mark.few("corner")
 @pytest.mark.parametrize("scene", [WARM, two_blocks(), APART, corner(1e-5)], ids=["plate", "touch", "apart", "corner"])
 def test_nothing_driven_nothing_moves(scene):
     story = told(scene)

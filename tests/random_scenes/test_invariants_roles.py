@@ -47,7 +47,7 @@ def test_right_scenes_keep_the_laws(name: str, law: str) -> None:
     assert not violations(LAWS[law], *scene_and_story(name))
 
 
-@pytest.mark.few("rings-roles: heat across even gaps", "ball-roles: slave and master")
+@pytest.mark.few("rings-roles: heat across even gaps")
 @pytest.mark.parametrize(("name", "law"), [("rings", SIDES), ("rings", EVEN_GAPS), ("ball", SIDES)], ids=str)
 def test_heat_between_rings_has_one_area(name: str, law: Invariant) -> None:
     assert not violations(law, *scene_and_story(name))

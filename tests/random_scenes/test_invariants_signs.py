@@ -44,7 +44,7 @@ SCENES = {"blocks": BLOCKS, "rubbing": rubbing(), "augmented": rubbing(push=-5e-
           "loaded": loaded("plane"), "loaded about an axis": loaded("axisymmetric"), "corner": corner(1e-4)}
 
 
-@pytest.mark.few("rubbing", "augmented", "loaded about an axis")
+@pytest.mark.few("rubbing")
 @pytest.mark.parametrize("scene", SCENES.values(), ids=SCENES)
 def test_right_scenes_keep_all_signs_and_sums(scene):
     story = told(scene)

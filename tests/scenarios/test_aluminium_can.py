@@ -1,4 +1,4 @@
-"""scenarios/aluminium_can.yaml, case F2, at its coarse mesh: the first minute, and, marked slow, all of it."""
+"""scenarios/aluminium_can.yaml, case F2, at its coarse mesh: its begin, and, marked slow, a minute and all of it."""
 
 from __future__ import annotations
 
@@ -34,7 +34,14 @@ def first_minute(tmp_path_factory: pytest.TempPathFactory) -> Results:
 
 
 @pytest.fixture(scope="module")
-def poured(first_minute: Results) -> CanRun:
+def poured(tmp_path_factory: pytest.TempPathFactory) -> CanRun:
+    """The first second, all frames kept."""
+    return read_can(run(load_scenario(SCENARIO, overrides={"coupling.end": 1.0, "output.fields.every": 1}),
+                        out=tmp_path_factory.mktemp("poured") / "run.h5"))
+
+
+@pytest.fixture(scope="module")
+def minute(first_minute: Results) -> CanRun:
     return read_can(first_minute)
 
 
@@ -59,8 +66,9 @@ def test_at_first_the_heat_goes_evenly(poured: CanRun) -> None:
     assert q.std() / q.mean() < F2["even"]
 
 
-def test_it_opens_at_the_top_and_runs_down(poured: CanRun) -> None:
-    opens_from_the_top(poured)
+@pytest.mark.slow
+def test_it_opens_at_the_top_and_runs_down(minute: CanRun) -> None:
+    opens_from_the_top(minute)
 
 
 def opens_from_the_top(can: CanRun) -> None:
@@ -71,13 +79,15 @@ def opens_from_the_top(can: CanRun) -> None:
     assert (np.diff(opened[last:]) <= 0).all(), "down from the top"
 
 
+@pytest.mark.slow
 def test_heat_is_kept(first_minute: Results) -> None:
     assert first_minute.heat_imbalance < F2["heat"]
 
 
-def test_the_first_minute_is_as_it_was(poured: CanRun) -> None:
+@pytest.mark.slow
+def test_the_first_minute_is_as_it_was(minute: CanRun) -> None:
     """A node that opens one window later on another machine moves gaps by a few um; other windows do so by 3 %."""
-    compare(poured, MINUTE)
+    compare(minute, MINUTE)
 
 
 def compare(can: CanRun, until: float) -> None:

@@ -44,6 +44,9 @@ FEW = (MESHES[0], MESHES[2], MESHES[4])  # nodes that meet; that do not, in long
 WALL = [{"on": "a.left", "temperature": 1.0}]
 
 
+@pytest.mark.few(
+    "((8, 8), (8, 8), 0.0)-10.0-midpoint", "((16, 2), (9, 2), 0.31)-100000.0-sdirk2",
+    "((4, 16), (7, 16), 0.0)-100000.0-backward_euler", "((4, 16), (7, 16), 0.0)-100000.0-steady")
 @pytest.mark.parametrize("method", ["backward_euler", "midpoint", "sdirk2", "steady"])
 @pytest.mark.parametrize("Bi", [10.0, 1e5])
 @pytest.mark.parametrize("meshes", [pytest.param(m, marks=() if m in FEW else pytest.mark.slow) for m in MESHES],

@@ -54,7 +54,7 @@ def bars(h: float, scheme: str | None) -> np.ndarray:
     return found.T[np.array([level.t for level in found.levels]) > 50.5, surface]
 
 
-@pytest.mark.few("None-100000.0", "staggered-1000000.0", "iterated-1000000.0")
+@pytest.mark.few("staggered-1000000.0")
 @pytest.mark.parametrize("h", [1e5, 1e6])
 @pytest.mark.parametrize("scheme", [None, "staggered", "extrapolated", "iterated", "auto"])
 def test_contact_that_closes_in_a_run_does_not_ring(h: float, scheme: str | None) -> None:
@@ -77,7 +77,7 @@ def plate(boundary: list[dict[str, Any]], dt: float, n: int = 20, method: str | 
                  p={"patch": [[0, 0], [0.01, 0], [0.01, 0.01], [0, 0.01]], "cells": list(cells)}).T
 
 
-@pytest.mark.few("midpoint-1.0", "midpoint-0.01", "sdirk2-0.001", "backward_euler-0.1")
+@pytest.mark.few("midpoint-0.01", "sdirk2-0.001")
 @pytest.mark.parametrize("dt", [1.0, 0.1, 0.01, 0.001])
 @pytest.mark.parametrize("method", ["midpoint", "sdirk2", "backward_euler"])
 def test_short_windows_beside_a_jump_do_not_undershoot(dt: float, method: str) -> None:
@@ -109,7 +109,7 @@ def test_films_of_any_biot_number_stay_within(Bi: float, dt: float) -> None:
     assert T.max() <= 800.0 + 1e-6 * 500
 
 
-@pytest.mark.few("cells2", "cells3")
+@pytest.mark.few("cells2")
 @pytest.mark.parametrize("cells", [(4, 16), (4, 40), (16, 4), (8, 8)])
 def test_stretched_cells_stay_within(cells: tuple[int, int]) -> None:
     """A jump along the surface: 1.7 K below 300 K before, by backward Euler at aspect 4 and 10."""
@@ -119,6 +119,7 @@ def test_stretched_cells_stay_within(cells: tuple[int, int]) -> None:
     assert T.max() <= 800.0 + 1e-9
 
 
+@pytest.mark.few("midpoint_rings_after_a_touch")
 @pytest.mark.parametrize("name", ["midpoint_overshoots_in_long_windows", "midpoint_rings_after_a_touch",
                                   "undershoot_in_short_windows"])
 def test_a_fault_of_before_is_mended(name: str) -> None:
@@ -191,6 +192,7 @@ def slide_off(windows: int) -> tuple[np.ndarray, np.ndarray]:
     return np.array([level.t for level in found.levels]), found.T
 
 
+@pytest.mark.slow
 def test_a_node_follows_a_contact_that_shrinks() -> None:
     """15.9 of 200 K off at the last touch before, when nodes were held to the balance of the middle of each window."""
     t, T = slide_off(22)

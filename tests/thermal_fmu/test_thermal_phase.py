@@ -80,6 +80,7 @@ def ring_masses(mesh, axisymmetric):
     return 2500.0 * np.tile(m, 2) * 0.5 * np.ptp(mesh.nodes[:, 1])
 
 
+@pytest.mark.few("0.3-backward_euler-plane", "30.0-midpoint-plane", "3000.0-sdirk2-axisymmetric")
 @pytest.mark.parametrize("geometry", ["plane", "axisymmetric"])
 @pytest.mark.parametrize("method", ["midpoint", "sdirk2", "backward_euler"])
 @pytest.mark.parametrize("dt", [0.3, 30.0, 3000.0])
@@ -105,6 +106,7 @@ def test_a9_no_step_loses_latent_heat(dt, method, geometry):
         assert (out["f_s"] == 1.0).all()
 
 
+@pytest.mark.few("True-freezes-mushy", "True-melts-pure")
 @pytest.mark.parametrize("latent", [PURE, MUSHY, WIDE], ids=["pure", "mushy", "wide"])
 @pytest.mark.parametrize(("T0", "wall"), [(940.0, 293.15), (500.0, 1500.0)], ids=["freezes", "melts"])
 @pytest.mark.parametrize("triangles", [pytest.param(False, marks=pytest.mark.slow), True])
@@ -123,6 +125,7 @@ def test_a_slab_that_changes_phase_in_one_step_converges(triangles, T0, wall, la
         assert low - 1e-6 <= done.outputs["T"].min() <= done.outputs["T"].max() <= high + 1e-6
 
 
+@pytest.mark.few("plane-midpoint", "axisymmetric-sdirk2")
 @pytest.mark.parametrize("method", ["midpoint", "sdirk2", "backward_euler"])
 @pytest.mark.parametrize("geometry", ["plane", "axisymmetric"])
 def test_a16_latent_heat_on_a_moving_mesh(method, geometry):

@@ -40,6 +40,7 @@ def test_a1_convective_slab(Bi):
     assert errors[2] < 2.5e-4
 
 
+@pytest.mark.few("midpoint")
 @pytest.mark.parametrize("method", ["midpoint", "sdirk2"])
 def test_a2_step_of_the_face_does_not_ring(method):
     """Centre within 2e-3 (20 elements, dt .0025); beside the face T falls without a rise once damped."""
@@ -131,7 +132,7 @@ def cooled(method, n):
     return run(bar, model, 0.4 / n, n).T[-1]
 
 
-@pytest.mark.few("sdirk2-2.0")
+@pytest.mark.slow
 @pytest.mark.parametrize(("method", "expected"), [("midpoint", 2.0), ("sdirk2", 2.0), ("backward_euler", 1.0)])
 def test_a12_order_with_temperature_dependent_conduction_and_film(method, expected):
     """Coefficients taken at the start of a step would give order 1."""
@@ -149,7 +150,7 @@ def lumped(method, steps):
     return [abs(float(run(cell, model, 1.0 / n, n).T[-1].mean()) - exact) for n in steps]
 
 
-@pytest.mark.few("midpoint")
+@pytest.mark.slow
 @pytest.mark.parametrize("method", ["midpoint", "sdirk2"])
 def test_a12_nonlinear_decay(method):
     """The start is damped, which costs a constant, not an order."""
@@ -159,6 +160,7 @@ def test_a12_nonlinear_decay(method):
     assert errors[-1] < 5e-5
 
 
+@pytest.mark.few("sdirk2")
 @pytest.mark.parametrize("method", ["midpoint", "sdirk2"])
 def test_a18_thermal_shock(method):
     """Half wall, 40 elements, dt .0025: within .05 of 100; insulated at x = 1."""

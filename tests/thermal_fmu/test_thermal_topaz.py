@@ -127,6 +127,7 @@ def test_bands_are_beaten_as_a_whole(name, n, since):
     assert late.max() < CASE["bands"][name] / CASE["times_better"]
 
 
+@pytest.mark.few("3.2", "3.5", "3.7")
 @pytest.mark.parametrize("name", ACTS)
 def test_transients_converge_to_the_series(name):
     """Order 2 as h and dt are halved together, from t = .2 on, and small in the end."""

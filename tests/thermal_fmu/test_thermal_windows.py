@@ -168,7 +168,7 @@ def holds(case: str, length: float, scheme: str) -> None:
 
 
 # Each case at two of three lengths, in turn; all at all, by any scheme, are the test below.
-@pytest.mark.few("a rule sets a load-1000.0", "radiation-0.001", "contact of Bi 1e4, other nodes-1000.0")
+@pytest.mark.few("a rule sets a load-1000.0", "radiation-0.001")
 @pytest.mark.parametrize(("case", "length"), [(case, (1e-3, 1.0, 1e3)[(i + k) % 3])
                                               for i, case in enumerate(FEW) for k in (0, 1)])
 def test_windows_of_any_length(case: str, length: float) -> None:
@@ -214,7 +214,7 @@ def refined(Bi: float) -> Story:
     return story(scene, CELL**2 / A, 2 * WINDOWS, "extrapolated")
 
 
-@pytest.mark.few("100.0-cells2-True", "1000.0-cells6-False", "10000.0-cells11-False", "10000.0-cells13-True")
+@pytest.mark.few("100.0-cells2-True", "10000.0-cells11-False")
 @pytest.mark.parametrize(("Bi", "cells", "swap"), JOINTS)
 def test_a_contact_that_conducts_much_is_as_right_as_its_mesh(Bi: float, cells: tuple[int, int], swap: bool) -> None:
     scene = blocks(Bi, cells[1])
