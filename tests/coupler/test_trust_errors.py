@@ -61,8 +61,16 @@ def test_what_solvers_leave_of_a_probe_that_stays_is_no_error_of_windows():
         log = errors.watched(log, seen, k + 1.0)
     found = errors.check(log, {"p": "Pa"}, False)
     assert found.verdict is not TrustVerdict.BROKEN
-    moves = errors.watched(log, Looked(np.array([42.3e6 + 100.0]), np.array([100.0]), np.array([60.0])), 9.0)
+    moves = errors.watched(log, Looked(np.array([42.3e6 + 1e4]), np.array([1e4]), np.array([6e3])), 9.0)
     assert errors.check(moves, {"p": "Pa"}, False).verdict is TrustVerdict.BROKEN
+
+
+@pytest.mark.parametrize(("unit", "verdict"), [("Pa", "holds"), ("N m", "broken")])
+def test_a_pressure_that_stays_is_held_against_what_it_settles_to(unit, verdict):
+    """A shaft that turns in its hub: 28.7 MPa, which move by 260 Pa and are off by an estimated 85 Pa."""
+    seen = Looked(np.array([28.7368e6 + 260.0]), np.array([260.0]), np.array([85.0]))
+    log = errors.watched(errors.begun(np.array([28.7368e6])), seen, 1.0)
+    assert errors.check(log, {"p": unit}, False).verdict == verdict
 
 
 def test_a_look_may_find_a_pressure_where_there_was_none():
