@@ -19,6 +19,8 @@ from mechanical_fmu.newton import (
     Iterate,
     NoEquilibriumError,
     SolverSettings,
+    goes_round,
+    in_vain,
     line_search,
     solve,
     wants_tangent,
@@ -180,7 +182,8 @@ def solve_at_once(system: System, loading: Loading, start: ForceBalance, anchor:
                 # The forces do not feel the change: where bodies just touch, pressures are round-off.
                 left = float(system.error(again, floor).max())
                 return _as_solved(Equilibrium(again, left, tuple(history), fresh), _query(unfelt))
-        if len(history) > settings.most:
+        around = goes_round(history)
+        if around or len(history) > settings.most:
             break
         old = anchor if poor < MAX_POOR_ITERATIONS else None
         fresh = fresh or old is None
@@ -194,7 +197,7 @@ def solve_at_once(system: System, loading: Loading, start: ForceBalance, anchor:
         balance, error, whole = found.balance, found.error, found.whole
         # While points open and close, that is what spoils an iteration, not the age of the factor.
         poor += float(error.max()) > POOR_REDUCTION * before and _touched(balance) == touched
-    raise NoEquilibriumError(_text(system, settings, error, changes))
+    raise NoEquilibriumError(_text(system, settings, error, changes, in_vain(history, around)))
 
 
 def _query(loading: Loading) -> ContactQuery:
@@ -223,19 +226,19 @@ def _by_kind(system: System, change: Floats, size: Floats) -> Changes:
                  for kind in (~tied, tied) if kind.any())
 
 
-def _text(system: System, settings: SolverSettings, error: Floats, changes: Changes) -> str:
+def _text(system: System, settings: SolverSettings, error: Floats, changes: Changes, vain: str) -> str:
     if float(error.max()) > settings.tolerance:
         body = system.interface.bodies[int(np.argmax(error))]
         forces = (f"the forces on body {body} are out of balance by {float(error.max()):.3g} "
                   f"(tolerance {settings.tolerance:g})")
         # fault: pressures that stay are said to change -> if False: | mechanical_fmu/test_semi_smooth
         if not any(change.any() for change, _ in changes):
-            return f"no equilibrium after {settings.most} iterations: {forces}"
+            return f"{vain}: {forces}"
         forces += " and "
     else:
         forces = ""
     how_much, where = unsettled(system, changes)
-    return (f"no equilibrium after {settings.most} iterations: {forces}the contact pressures {how_much}, most on "
+    return (f"{vain}: {forces}the contact pressures {how_much}, most on "
             f"{where}; method: uzawa settles them in rounds")
 
 

@@ -178,6 +178,24 @@ def wants_tangent(history: Sequence[float], tolerance: float) -> bool:
     return len(history) < 2 or history[-1] ** 3 > tolerance * history[-2] ** 2
 
 
+# Residuals that come back to this share of themselves, by turns, do so for ever.
+SAME = 1e-3
+
+
+def goes_round(history: Sequence[float]) -> bool:
+    """Say whether Newton's method has come to go to and fro between two iterates.
+
+    history : relative residuals of iterates, each from a tangent of its own.  Where points of contact slip at the one
+    and stick at the other, each leads back to the other: more iterations would find nothing else.
+    """
+    if len(history) < 4:
+        return False
+    a, b, c, d = history[-4:]
+    # fault: iterates that go round are followed to the last of them -> return False | mechanical_fmu/test_goes_round
+    #   mechanical_fmu/test_first_contact
+    return abs(d - b) <= SAME * d and abs(c - a) <= SAME * c and not 0.5 * d <= c <= 2.0 * d
+
+
 # A step is shortened while the work d . r left at its end exceeds this fraction of that at its start (Crisfield's 0.8).
 MAX_WORK_LEFT = 0.8
 MAX_SHORTENINGS = 8
@@ -258,7 +276,8 @@ def solve(system: System, loading: Loading, start: ForceBalance, anchor: Stiffne
         gap = loading.target - balance.u.ravel()[system.constraints.fixed]
         if history[-1] <= settings.tolerance and not gap.any():
             return Equilibrium(balance, history[-1], tuple(history), search.fresh)
-        if len(history) > settings.most:
+        around = search.every and goes_round(history)
+        if around or len(history) > settings.most:
             break
         d, before = search.direction(balance, gap), balance
         ahead = search.every and whole and wants_tangent(history, settings.tolerance)
@@ -267,8 +286,14 @@ def solve(system: System, loading: Loading, start: ForceBalance, anchor: Stiffne
         history.append(float(error.max()))
         search.learn(before, balance, (history[-2], history[-1]))
     body = system.interface.bodies[int(np.argmax(error))]
-    raise NoEquilibriumError(f"no equilibrium after {settings.most} iterations: the forces on body {body} "
-                             f"are out of balance by {history[-1]:.3g} (tolerance {settings.tolerance:g})")
+    raise NoEquilibriumError(f"{in_vain(history, around)}: the forces on body {body} are out of balance by "
+                             f"{history[-1]:.3g} (tolerance {settings.tolerance:g})")
+
+
+def in_vain(history: Sequence[float], around: bool) -> str:
+    """Say how many iterations found no equilibrium; around : whether they go to and fro between two iterates."""
+    return f"no equilibrium after {len(history) - 1} iterations" + (
+        ", which go to and fro between two states of contact" if around else "")
 
 
 def line_search(system: System, loading: Loading, start: Iterate, d: Floats, floor: Floats,

@@ -214,6 +214,24 @@ def test_a_block_that_newtons_method_goes_round_with_is_damped():
             assert outputs["cuts"] == 0.0
 
 
+def test_iterates_that_go_to_and_fro_are_left(monkeypatch):
+    """The same block: its second step went between two iterates, one of which slips where the other sticks."""
+    histories, search = [], enforcement.line_search
+
+    def counted(*args):
+        histories.append(search(*args))
+        return histories[-1]
+
+    monkeypatch.setattr(enforcement, "line_search", counted)
+    half, nodes, warm = warm_below((8, 7), 0.03)
+    with closing(open_link("direct")) as link:
+        state, _ = half.start(inputs_of(half, np.full(len(nodes), 300.0)), 0.0, link)
+        for i in range(2):
+            histories.clear()
+            state, _ = done(half.step(state, inputs_of(half, 300.0 + 50.0 * (i + 1) / 12 * warm), float(i), 1.0, link))
+    assert 0 < len(histories) <= 100  # 70; 139 where each goes on to its last iteration
+
+
 def test_scenes_that_are_held_have_no_such_output():
     assert "work.stabilisation" not in [v.name for v in elastic(block([0, 1], [0, 1])).variables]
     held = elastic(blocks(2, 2), [*FOOT, hold("upper.top", 0), hold("upper.top", 1)])
