@@ -23,13 +23,17 @@ Array = NDArray[np.float64]
 #     H_next = H * (error/AIM)^(-0.8/k) * (error_before/AIM)^(0.3/k),   k = order + 1
 #
 # The integral part alone would answer each wiggle of the estimate in full; with the proportional one the size follows
-# the trend (powers near Gustafsson's, with which it is well damped).
+# the trend (powers near Gustafsson's, with which it is well damped).  Where both errors are far below AIM wiggles do
+# not matter: the proportional part, which takes a small error before for a reason to wait, is left out.
 
 # The error a window is meant to have, in tolerances: its problem is not quite that of the last, a window rejected costs
 # as much as one taken, and what is carried on from a measured one is known within a factor of 3.
 AIM = 0.2
 AIM_IN_HALVES = 0.5  # the same where it will be kept in halves
 I_POWER, P_POWER = 0.8, 0.3
+# Errors below this share of AIM are far below it.  All defaults with 8 times the tolerances: two rods 862 -> 534 calls
+# (4.6 and 5.4 % off), casting_1d to 20 s with its own 386 -> 310 (0.055 and 0.048 %); others the same within 15 %.
+FAR = 0.25
 # A window is at most so many times the last: what is known of the error is known of windows like the last.  Where the
 # error itself would change it by no more than `STAY`, it stays: that gains less than the unrest costs.
 GROW, SHRINK = 2.0, 0.2
@@ -66,6 +70,9 @@ def proposed(memory: Memory, H: float, error: float | None, order: int, limits: 
     # fault: the proportional part of the controller with the wrong sign -> factor = (now / AIM) ** (-I_POWER / k) *
     #   (max(before, LEAST_ERROR) / AIM) ** (-P_POWER / k) | coupler/test_stepsize
     factor = (now / AIM) ** (-I_POWER / k) * (max(before, LEAST_ERROR) / AIM) ** (P_POWER / k)
+    if (largest := max(now, before)) < FAR * AIM:
+        # fault: windows far below their tolerance grow as if they were near it -> pass | coupler/test_stepsize
+        factor = (largest / AIM) ** (-I_POWER / k)
     # fault: windows grow right after a rejection -> factor = min(max(factor, SHRINK), GROW) | coupler/test_stepsize
     factor = min(max(factor, SHRINK), 1.0 if memory.failed else GROW)
     if STAY[0] < (now / AIM) ** (-1.0 / k) < STAY[1]:

@@ -53,6 +53,14 @@ def test_the_proportional_part_leans_against_what_grows() -> None:
     assert rising < 1.0 < falling
 
 
+@pytest.mark.parametrize("order", [1, 2])
+def test_far_below_its_aim_one_window_leads_near_it(order: int) -> None:
+    """Where errors stay as small as they are, only size matters: the next has at least half of the error aimed at."""
+    memory = Memory(0.2 * AIM)
+    H, _ = proposed(memory, 1.0, 0.2 * AIM, order, WIDE)
+    assert 0.5 * AIM < 0.2 * AIM * H ** (order + 1) < AIM
+
+
 def test_limits() -> None:
     assert proposed(Memory(), 1.0, 0.0, 2, WIDE)[0] == GROW
     assert proposed(Memory(), 1.0, 1e9, 2, WIDE)[0] == SHRINK
