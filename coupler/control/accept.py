@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from coupler.control import auto, error_estimate, events, window_size
+from coupler.control import auto, error_estimate, events, unannounced, window_size
 from coupler.control.error_estimate import Estimate
 from coupler.control.events import Found
 from coupler.control.plan import Plan
@@ -320,7 +320,7 @@ def _sized(attempt: Attempt, control: ControlState, error: Estimate | None) -> C
     limits = window_size.StepLimits(adaptive.least, adaptive.most)
     told, end = None if error is None else error.size, attempt.solved.state
     # While a front moves every window is kept in halves, which have a quarter of its error.
-    if told is not None and end.past and error_estimate.front_moves(end):
+    if told is not None and end.past and unannounced.front_moves(end):
         # fault: windows kept in halves are as short as those kept whole -> pass | scenarios/test_casting_1d
         told *= window_size.AIM / window_size.AIM_IN_HALVES
     size, memory = window_size.proposed(control.controller, attempt.H, told, 2 if error is None else error.order,

@@ -22,7 +22,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from coupler.control.cost import SchemeCosts, learned
-from coupler.control.error_estimate import THIN, Estimate, front_moves
+from coupler.control.error_estimate import Estimate
+from coupler.control.unannounced import THIN, front_moves
 from coupler.scenario.options import Iteration, MeasuredIteration, Scheme, Seen
 from coupler.schemes.accounts import AHEAD
 from coupler.schemes.ledger import MOVED

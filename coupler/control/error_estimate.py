@@ -22,46 +22,24 @@ import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
-import numpy as np
-from numpy.typing import NDArray
-
 from coupler.control.body_strain import NO_CELLS, BodyCells
+from coupler.control.quantities import (
+    apart,
+    faced,
+    heat_of,
+    largest,
+    quantity_of,
+    scale,
+    second_differences,
+    third_difference,
+)
+from coupler.control.unannounced import front_moves, gap_closes
 from coupler.errors import in_words
 from coupler.scenario.options import ErrorTolerances, Iteration, Scheme, Seen, Tolerance
 from coupler.schemes.accounts import AHEAD
 from coupler.schemes.levels import Level
 from coupler.schemes.schemes import scheme_of
 from coupler.schemes.state import ELASTIC_STRAIN, CoupledState, Solved, Span
-
-# Gaps that close or open within one window: there its error has no order yet, and nothing before it announces it.
-#
-# Heat across a gap that falls steadily to zero goes with 1/(layer + gap).  Until windows are as short as the last layer
-# takes to close, a window and its two halves both miss most of what crosses just before touch: their difference hardly
-# falls with the window, so a quarter of it is not the error of the halves' answer.
-
-# A gap that falls to, or rises from, less than this share of itself: over that 1/gap is no parabola.
-SHARE = 0.1
-# [m] A hundredth of a gas layer of 10 um: a gap that was never wider changes no law of conductance by more than 1 %.
-THIN = 1e-7
-# A node is wholly faced from this share on.
-WHOLLY = 0.999
-
-
-def gap_closes(start: Level, end: Level) -> bool:
-    """Whether some gap, wholly faced at both ends of a window, all but closes in it, or opens.
-
-    One that is faced in part is at the end of a surface that slides: what is told of it goes to and fro there.
-    """
-    faced = np.isfinite(start.gap) & np.isfinite(end.gap)
-    # fault: nodes at the end of a surface that slides close gaps in every window -> faced &= (start.covered > 0.0) &
-    #   (end.covered > 0.0) | coupler/test_estimate
-    faced &= (start.covered > WHOLLY) & (end.covered > WHOLLY)
-    a, b = (np.maximum(level.gap[faced], 0.0) for level in (start, end))
-    wider = np.maximum(a, b)
-    return bool(((wider > THIN) & (np.minimum(a, b) < SHARE * wider)).any())
-
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
@@ -91,16 +69,11 @@ BELIEVED = 0.5
 SOON = 3
 # An error of less than this share of its tolerance decides nothing, and is not measured again for its own sake.
 IDLE = 0.25
-# A solid fraction that changes by more moves a front; less is what Newton leaves.
-FRONT = 1e-6
 MIDPOINT = 1.0 / 12.0  # the constant of the midpoint rule on linear equations, of the third difference
-HEAT = ("heat.contact.slave", "heat.gap.slave")
-FRICTION = ("heat.friction.slave", "heat.friction.master")
 # Those whose scale is their change in the window.  Where contact jumps (a body that slips over from one equilibrium to
 # the next) their error is as large in the shortest window, and a scale that shrinks with it would let none pass.  What
 # windows before changed counts, half as much with every window: so all errors add up to at most twice rtol.
 CHANGES, FADES = ("gap", "heat", "displacement"), 0.5
-QUANTITIES = ("temperature", "gap", "heat", "displacement", ELASTIC_STRAIN)
 # What mechanics make.  Bodies that remember take their past by backward Euler, whatever the order of the exchange.
 OF_MECHANICS, OF_HISTORIES = ("gap", "displacement", ELASTIC_STRAIN), 1
 
@@ -186,11 +159,6 @@ class Estimate:
         return max((v for name, v in values.items() if quantity_of(name) == quantity), default=None)
 
 
-def quantity_of(name: str) -> str:
-    """Return the quantity of a name in an estimate: elastic_strain of elastic_strain.BODY."""
-    return name.partition(".")[0]
-
-
 def wanted(memory: Memory, start: CoupledState, span: Span, scheme: Scheme, end: Level) -> bool:
     """Whether a window should be solved in two halves too: nothing is known, what is known is old, a front moves, or a
     gap closes or opens.
@@ -217,7 +185,7 @@ def estimate(memory: Memory, start: CoupledState, solved: Solved, tolerance: Err
     if solved.whole is None and not known.ratios:
         return None
     levels = (solved.state.now, start.now, *start.past)
-    H, second = levels[0].t - levels[1].t, _second(levels, memory, solved, cells)
+    H, second = levels[0].t - levels[1].t, second_differences(levels, memory.rate, solved, cells)
     orders = {n: _order_of(n, _order(start, solved, iteration.level), start) for n in second}
     left = _left_over(start.now, solved, iteration)
     if solved.whole is None:
@@ -227,11 +195,11 @@ def estimate(memory: Memory, start: CoupledState, solved: Solved, tolerance: Err
         own = _own(levels, errors["temperature"], left)
         found = _in_tolerances(errors, _scales(memory, errors, levels, solved, cells), tolerance, own)
         return replace(found, order=orders[found.worst], orders=orders)
-    apart = _apart(levels, solved, solved.whole, second, cells)
-    factors = {n: _doubling(n, orders[n], solved.scheme) for n in apart}
-    ratios = {n: factors[n].whole * d / second[n] if second[n] > 0.0 else 0.0 for n, d in apart.items()}
-    whole = {n: factors[n].whole * d + left.get(n, 0.0) for n, d in apart.items()}
-    kept = {n: factors[n].halves * d + left.get(n, 0.0) for n, d in apart.items()}
+    distance = apart(levels, solved, solved.whole, second, cells)
+    factors = {n: _doubling(n, orders[n], solved.scheme) for n in distance}
+    ratios = {n: factors[n].whole * d / second[n] if second[n] > 0.0 else 0.0 for n, d in distance.items()}
+    whole = {n: factors[n].whole * d + left.get(n, 0.0) for n, d in distance.items()}
+    kept = {n: factors[n].halves * d + left.get(n, 0.0) for n, d in distance.items()}
     own = _own(levels, whole["temperature"], left)
     scales = _scales(memory, kept, levels, solved, cells)
     found, in_one = (_in_tolerances(e, scales, tolerance, own) for e in (kept, whole))
@@ -272,31 +240,21 @@ def _doubling(quantity: str, order: int, scheme: Scheme) -> Doubling:
     return DOUBLING[order]
 
 
-def front_moves(start: CoupledState) -> bool:
-    """Whether anything froze or melted in the window before.
-
-    A node that begins or ends to freeze is a kink of T in time that no window before it announced, however well ratios
-    agreed between two of them.
-    """
-    now, before = start.now.f_s, start.past[0].f_s
-    return now is not None and before is not None and float(np.abs(now - before).max(initial=0.0)) > FRONT
-
-
 def after(memory: Memory, start: CoupledState, solved: Solved, found: Estimate | None) -> Memory:
     """The memory after a window that was taken."""
     H = solved.state.now.t - start.now.t
-    heat = _heat(solved)
+    heat = heat_of(solved)
     rate = math.nan if heat is None else heat / H
     name, known = solved.scheme.value, memory.of(solved.scheme)
     # All of them grow old, so that a scheme that is seldom used is measured when it is, which tells what it costs.
     by = {n: replace(m, left=m.left - 1) for n, m in memory.by.items()}
     levels = (solved.state.now, start.now, *start.past)
-    changed = _scales(memory, CHANGES if _faced(levels).any() else CHANGES[1:], levels, solved)
+    changed = _scales(memory, CHANGES if faced(levels).any() else CHANGES[1:], levels, solved)
     if found is None or not found.measured:
         return Memory(by, rate, changed)
     if not start.past:  # two levels have no second difference
         return Memory({n: m for n, m in by.items() if n != name}, rate, changed)
-    bend = _bend(levels, _second(levels, memory, solved))
+    bend = _bend(levels, second_differences(levels, memory.rate, solved))
     # fault: a gap that faces nothing any more is looked for -> expected = {n: r * _grown(known, H, found.orders[n],
     #   bend) for n, r in known.ratios.items()} | coupler/test_demo
     expected = {n: r * _grown(known, H, found.orders[n], bend) for n, r in known.ratios.items() if n in found.orders}
@@ -339,7 +297,8 @@ def _grown(known: Measured, H: float, order: int, bend: float) -> float:
 
 def _bend(levels: Sequence[Level], second: Mapping[str, float]) -> float:
     """Third difference of T over its second one; nan where there are too few levels."""
-    return _third(levels) / second["temperature"] if len(levels) > 3 and second["temperature"] > 0.0 else math.nan
+    known = len(levels) > 3 and second["temperature"] > 0.0
+    return third_difference(levels) / second["temperature"] if known else math.nan
 
 
 def _in_tolerances(errors: Mapping[str, float], scales: Mapping[str, float], tolerance: ErrorTolerances,
@@ -354,7 +313,7 @@ def _own(levels: Sequence[Level], total: float, left: Mapping[str, float]) -> fl
     """The halves' own part of an error of T [K]: what the midpoint rule would make if T were smooth as it went."""
     if total == 0.0:
         return 0.0
-    return min(MIDPOINT * _third(levels), total - left.get("temperature", 0.0)) / total
+    return min(MIDPOINT * third_difference(levels), total - left.get("temperature", 0.0)) / total
 
 
 def _share(error: float, scale: float, tolerance: Tolerance) -> float:
@@ -367,85 +326,7 @@ def _scales(memory: Memory, names: Iterable[str], levels: Sequence[Level], solve
     # fault: what jumps is asked of a scale that shrinks with the window -> before = dict.fromkeys(names, 0.0) |
     #   coupler/test_estimate
     before = {n: FADES * memory.changed.get(n, 0.0) for n in names}
-    return {n: max(_scale(n, levels, solved, cells), before[n]) for n in names}
-
-
-def _scale(name: str, levels: Sequence[Level], solved: Solved, cells: BodyCells) -> float:
-    """What the relative part of a tolerance is measured by (coupler.scenario.options)."""
-    now, start = levels[0], levels[1]
-    if name == "temperature":
-        return max(float(now.T.max()), float(start.T.max())) - min(float(now.T.min()), float(start.T.min()))
-    if name == "heat":
-        # What rubs warms both bodies, and little of that crosses from one to the other.
-        # fault: heat that crosses is held against itself alone where surfaces rub -> return abs(_heat(solved) or 0.0) |
-        #   coupler/test_estimate
-        return abs(_heat(solved) or 0.0) + abs(_sum_of(FRICTION, solved) or 0.0)
-    if name in cells.names:
-        return max(_size(name, _values(name, level, levels, cells)) for level in (now, start))
-    return _largest(_values(name, now, levels, cells) - _values(name, start, levels, cells))
-
-
-def _second(levels: Sequence[Level], memory: Memory, solved: Solved,
-            cells: BodyCells = NO_CELLS) -> dict[str, float]:
-    """Quantity -> max |H^2 v''|; 0 where there are two levels; quantities that the scene does not have are left out."""
-    t = [level.t for level in levels]
-    H, heat = t[0] - t[1], _heat(solved)
-    found = {n: 0.0 for n in ("temperature", "gap", "displacement") if n != "gap" or _faced(levels).any()}
-    if heat is not None:
-        found["heat"] = 0.0
-    if levels[0].elastic_strain is not None:
-        # fault: no window tolerance sees stress -> pass |
-        #   coupler/test_estimate_strain::test_stress_that_relaxes_is_as_exact_as_its_tolerance
-        found |= dict.fromkeys(cells.names, 0.0)
-    if len(levels) < 3:
-        return found
-    # fault: second differences as if all windows were alike -> weight = H | coupler/test_estimate
-    weight = 2.0 * H * H / (t[0] - t[2])
-    for name in found:
-        if name == "heat":
-            found[name] = 0.0 if heat is None or math.isnan(memory.rate) else weight * abs(heat / H - memory.rate)
-            continue
-        a, b, c = (_values(name, level, levels, cells) for level in levels[:3])
-        found[name] = weight * _size(name, (a - b) / H - (b - c) / (t[1] - t[2]))
-    return found
-
-
-def _third(levels: Sequence[Level]) -> float:
-    """max |H^3 T'''|; where there are three levels the second difference stands for it; 0 of two."""
-    t, T = [level.t for level in levels[:4]], [level.T for level in levels[:4]]
-    n = len(t)
-    if n < 3:
-        return 0.0
-    for k in range(1, n):
-        T = [(T[i] - T[i + 1]) / (t[i] - t[i + k]) for i in range(n - k)]
-    return math.factorial(n - 1) * (t[0] - t[1]) ** (n - 1) * _largest(T[0])
-
-
-def _apart(levels: Sequence[Level], solved: Solved, whole: Solved, names: Mapping[str, float], cells: BodyCells
-           ) -> dict[str, float]:
-    """Quantity -> how far the answers of the whole window and of its two halves are apart.
-
-    Where mechanics see the T of the start, x is late by the window, and that of the halves by half of it.  That would
-    be told as an error of every window, while what is late is late once: the window in one is taken as late as its
-    halves, at the rate of the window before.
-    """
-    a, b = solved.state.now, whole.state.now
-    both, told = (a, b), {}
-    late = scheme_of(solved.scheme).sees_start_T and len(levels) > 2
-    for n in names:
-        if n == "heat":
-            continue
-        apart = _values(n, a, both, cells) - _values(n, b, both, cells)
-        # fault: x that comes a window late is an error of every window -> if False: | coupler/test_estimate
-        if late and n in ("gap", "displacement"):
-            now, start, before = levels[:3]
-            apart -= 0.5 * (now.t - start.t) / (start.t - before.t) * (_values(n, start, both, cells)
-                                                                      - _values(n, before, both, cells))
-        told[n] = _size(n, apart)
-    heat, other = _heat(solved), _heat(whole)
-    if heat is not None and other is not None:
-        told["heat"] = abs(heat - other)
-    return told
+    return {n: max(scale(n, levels, solved, cells), before[n]) for n in names}
 
 
 def _left_over(start: Level, solved: Solved, iteration: Iteration) -> dict[str, float]:
@@ -457,44 +338,6 @@ def _left_over(start: Level, solved: Solved, iteration: Iteration) -> dict[str, 
     if solved.history is None:
         return {}
     tolerance = iteration.tolerance.temperature
-    change = _largest(solved.state.now.T - start.T)
+    change = largest(solved.state.now.T - start.T)
     return {"temperature": max(solved.history.misfits[-1]["temperature"], 1.0)
             * (tolerance.atol + tolerance.rtol * change)}
-
-
-def _values(name: str, level: Level, levels: Sequence[Level], cells: BodyCells) -> Array:
-    if name == "temperature":
-        return level.T
-    if name in cells.names:
-        assert level.elastic_strain is not None, "a half that tells it tells it at every level"
-        return cells.weighted(name, level.elastic_strain)
-    return level.x if name == "displacement" else level.gap[_faced(levels)]
-
-
-def _faced(levels: Sequence[Level]) -> NDArray[np.bool_]:
-    """Surface nodes wholly faced at the last three levels: a gap that begins or ends is no error of it."""
-    known = np.isfinite(levels[0].gap)
-    for level in levels[:3]:
-        # fault: a gap that begins counts as an error of it -> known &= level.covered > -1.0 | coupler/test_estimate
-        known &= level.covered > WHOLLY
-    return known
-
-
-def _heat(solved: Solved) -> float | None:
-    """Energy through contact in the window [J]; None where the scene has none."""
-    return _sum_of(HEAT, solved)
-
-
-def _sum_of(terms: Sequence[str], solved: Solved) -> float | None:
-    """Energy of some heat terms in the window [J]; None where the scene has none of them."""
-    names = [n for n in terms if solved.terms and n in solved.terms[0]]
-    return sum(told[n] for told in solved.terms for n in names) if names else None
-
-
-def _size(name: str, values: Array) -> float:
-    """Of elastic strain the root mean square over a body, of anything else the largest."""
-    return float(np.linalg.norm(values)) if quantity_of(name) == ELASTIC_STRAIN else _largest(values)
-
-
-def _largest(values: Array) -> float:
-    return float(np.abs(values).max(initial=0.0))

@@ -12,7 +12,7 @@ from functools import partial
 import numpy as np
 from numpy.typing import NDArray
 
-from coupler.control import auto, error_estimate, events, spare
+from coupler.control import auto, error_estimate, events, spare, unannounced
 from coupler.control.accept import Attempt, Decision, accept, rejected
 from coupler.control.error_estimate import Estimate
 from coupler.control.gain import Gain
@@ -263,7 +263,7 @@ def _looked(window: _Taken, verdict: Decision, in_one: NDArray[np.float64]) -> t
     by_itself = _ends_by_itself(plan, window.options.settings.iteration.level, solved)
     memory, seen = spare.after(control.spare, solved.state.now.t, plan.watched(solved.state.now),
                                work.thermal_solves + work.mechanical_solves,
-                               error_estimate.gap_closes(window.at.state.now, solved.state.now) and not by_itself)
+                               unannounced.gap_closes(window.at.state.now, solved.state.now) and not by_itself)
     seen = replace(seen, by_itself=by_itself)
     # fault: no window is followed for how it shifts the run -> pass | coupler/test_time_shift
     seen = replace(seen, turning=_turning(window, solved))

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, field, replace
 
-from coupler.control import auto, error_estimate, events, spare, two_cycle, window_size
+from coupler.control import auto, error_estimate, events, quantities, spare, two_cycle, window_size
 from coupler.control.error_estimate import Estimate
 from coupler.control.plan import Plan
 from coupler.control.two_cycle import home
@@ -136,7 +136,7 @@ def monitors(control: ControlState, span: Span, solved: Solved, error: Estimate 
     if error is not None:
         found["error"] = error.error
         for name, parts in (("error", error.shares), ("splitting", error.splitting), ("own", error.own)):
-            of_all = {q: error.largest(parts, q) for q in error_estimate.QUANTITIES}
+            of_all = {q: error.largest(parts, q) for q in quantities.QUANTITIES}
             found |= {f"{name}.{q}": v for q, v in of_all.items() if v is not None}
     ledger = Ledger().after(solved.terms)
     return found | {"imbalance": ledger.imbalance}

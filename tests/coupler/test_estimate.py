@@ -18,7 +18,7 @@ from fake_halves import G_M, K_G, T_IN, T_S, T_W, X_OUT, C, FakeHalf, G, blocks_
 from scipy.integrate import solve_ivp
 from true_error import ONE, windows
 
-from coupler.control import error_estimate, spare
+from coupler.control import error_estimate, spare, unannounced
 from coupler.control.error_estimate import Measured, Memory
 from coupler.control.loop import Tried
 from coupler.control.loop import windows as run_windows
@@ -325,7 +325,7 @@ def test_a_window_longer_by_what_has_become_slower_is_no_worse() -> None:
 @pytest.mark.parametrize(("covered", "closes"), [(1.0, True), (0.5, False)])
 def test_nodes_at_the_end_of_a_surface_close_no_gap(covered: float, closes: bool) -> None:
     start, end = (level(t, 900.0, (1e-3, g), covered) for t, g in ((0.0, 1e-4), (1.0, 1e-6)))
-    assert error_estimate.gap_closes(start, end) is closes
+    assert unannounced.gap_closes(start, end) is closes
 
 
 def adaptive(scheme: Scheme, tolerance: float) -> tuple[float, list]:

@@ -13,7 +13,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from coupler.control import error_estimate
+from coupler.control import error_estimate, quantities
 from coupler.control.solve_window import SavedStates, SolveOptions, doubled, solve_once
 from coupler.scenario.options import ErrorTolerances, Iteration, Scheme, Tolerance, Tolerances
 from coupler.schemes.schedule import Schedule
@@ -93,4 +93,4 @@ def true_errors(solved: Solved, exact: Solved, names: Sequence[str]) -> dict[str
 
 def heat(solved: Solved) -> float:
     """Energy through contact [J]."""
-    return sum(terms.get(name, 0.0) for terms in solved.terms for name in error_estimate.HEAT)
+    return sum(terms.get(name, 0.0) for terms in solved.terms for name in quantities.HEAT)

@@ -1,0 +1,49 @@
+"""Windows whose error no window before them announces: a gap closes or opens in them, or a front moves."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from coupler.schemes.levels import Level
+from coupler.schemes.state import CoupledState
+
+# Gaps that close or open within one window: there its error has no order yet, and nothing before it announces it.
+#
+# Heat across a gap that falls steadily to zero goes with 1/(layer + gap).  Until windows are as short as the last layer
+# takes to close, a window and its two halves both miss most of what crosses just before touch: their difference hardly
+# falls with the window, so a quarter of it is not the error of the halves' answer.
+
+# A gap that falls to, or rises from, less than this share of itself: over that 1/gap is no parabola.
+SHARE = 0.1
+# [m] A hundredth of a gas layer of 10 um: a gap that was never wider changes no law of conductance by more than 1 %.
+THIN = 1e-7
+# A node is wholly faced from this share on.
+WHOLLY = 0.999
+
+
+def gap_closes(start: Level, end: Level) -> bool:
+    """Whether some gap, wholly faced at both ends of a window, all but closes in it, or opens.
+
+    One that is faced in part is at the end of a surface that slides: what is told of it goes to and fro there.
+    """
+    faced = np.isfinite(start.gap) & np.isfinite(end.gap)
+    # fault: nodes at the end of a surface that slides close gaps in every window -> faced &= (start.covered > 0.0) &
+    #   (end.covered > 0.0) | coupler/test_estimate
+    faced &= (start.covered > WHOLLY) & (end.covered > WHOLLY)
+    a, b = (np.maximum(level.gap[faced], 0.0) for level in (start, end))
+    wider = np.maximum(a, b)
+    return bool(((wider > THIN) & (np.minimum(a, b) < SHARE * wider)).any())
+
+
+# A solid fraction that changes by more moves a front; less is what Newton leaves.
+FRONT = 1e-6
+
+
+def front_moves(start: CoupledState) -> bool:
+    """Whether anything froze or melted in the window before.
+
+    A node that begins or ends to freeze is a kink of T in time that no window before it announced, however well ratios
+    agreed between two of them.
+    """
+    now, before = start.now.f_s, start.past[0].f_s
+    return now is not None and before is not None and float(np.abs(now - before).max(initial=0.0)) > FRONT
