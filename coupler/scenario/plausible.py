@@ -21,6 +21,7 @@ from contact.problem.material import Material
 from contact.problem.part import properties_in
 from contact.problem.units import unit_from
 from coupler.scenario.schema import ScenarioFile
+from coupler.scenario.si import ZERO_CELSIUS
 from coupler.scenario.unit_system import UnitSystem
 
 Floats = NDArray[np.float64]
@@ -61,6 +62,8 @@ LENGTH = Usual(1e-6, 10.0, "m", {"mm": 1e-3, "um": 1e-6})
 # equilibrium to 1e-8 of their forces from about 5e-10 on (3 mm at 10 km); at 4e-11 they do as at the origin.
 ROUNDED = 2e-10
 COLD = (10.0, 60.0)  # K; written so, a temperature at the start is rather in degrees Celsius
+# A reference temperature so far from the start [K], though it is that of a room in the other unit, is in that one.
+APART, ROOM = 150.0, (273.0, 303.0)
 
 
 def unlikely(stated: ScenarioFile, interface: Interface, units: UnitSystem | None = None) -> list[str]:
@@ -80,7 +83,7 @@ def unlikely(stated: ScenarioFile, interface: Interface, units: UnitSystem | Non
             notes.append(f"body {body} is {size:.3g} m long" + (f": is {slip} meant? Lengths are in {what}, those of a "
                          "mesh file times its `unit`" if slip else ""))
         notes.extend(_far(body, own, _shortest_edge(interface, k)))
-    return notes + _cold(stated)
+    return notes + _cold(stated) + _reference(stated)
 
 
 def _far(body: str, x: Floats, edge: float) -> Iterator[str]:
@@ -192,3 +195,23 @@ def _cold(stated: ScenarioFile) -> list[str]:
     T0 = starts[cold[0]]
     return [f"bod{'ies' if len(cold) > 1 else 'y'} {', '.join(cold)} start{'s' * (len(cold) == 1)} at {T0:g} K "
             f"({T0 - 273.15:g} degC): for degrees Celsius write units: {{temperature: degC}}"]
+
+
+def _reference(stated: ScenarioFile) -> list[str]:
+    """Materials free of stress at the temperature of a room, written in the other unit.  stated : in kelvin."""
+    own = stated.units.temperature.value
+    other, (low, high), zero = ("degC", COLD, 0.0) if own == "K" else ("K", ROOM, ZERO_CELSIUS)
+    notes = {}
+    for body in stated.bodies.values():
+        for part in body.parts.values():
+            material = stated.materials.get(part.material)
+            T0, T_ref = part.T0, None if material is None or material.alpha in (None, 0) else material.T_ref
+            if T_ref is None or not isinstance(T0, int | float):
+                continue
+            # fault: 293 in a file in degC is taken for what it says -> if True: | coupler/test_scenario_plausible
+            if not (low <= T_ref - zero <= high and abs(T_ref - T0) > APART):
+                continue
+            notes[part.material] = (
+                f"material {part.material}: T_ref is {T_ref - zero:g} {own}, and bodies of it start at {T0 - zero:g} "
+                f"{own}, with the strain of {abs(T_ref - T0):.3g} K: is {T_ref - zero:g} {other} meant?")
+    return list(notes.values())

@@ -16,9 +16,9 @@ title: a bar
 units: {{temperature: {unit}}}
 geometry: plane
 materials:
-  steel: {{E: {E}, nu: 0.3, rho: {rho}, c: {c}, k: {k}, alpha: {alpha}, T_ref: 20, plastic: {{s_y: {s_y}}}}}
+  steel: {{E: {E}, nu: 0.3, rho: {rho}, c: {c}, k: {k}, alpha: {alpha}, T_ref: {T_ref}, plastic: {{s_y: {s_y}}}}}
 bodies:
-  bar: {{material: steel, T0: 20, mesh: {{rectangle: {{origin: [{at}, 0], size: [{length}, 0.01], cells: [4, 1]}}}}}}
+  bar: {{material: steel, T0: {T0}, mesh: {{rectangle: {{origin: [{at}, 0], size: [{length}, 0.01], cells: [4, 1]}}}}}}
 thermal:
   boundary: [{{on: bar.left, temperature: 300}}]
 mechanical:
@@ -27,7 +27,7 @@ mechanical:
 coupling: {{end: 10}}
 """
 RIGHT = {"unit": "degC", "E": "2.0e11", "rho": 7850, "c": 460, "k": 45, "alpha": "1.2e-5", "s_y": "250.0e6",
-         "length": 0.1, "at": 0}
+         "length": 0.1, "at": 0, "T_ref": 20, "T0": 20}
 
 
 def scene(folder: Path, **wrong: object) -> Scenario:
@@ -57,6 +57,13 @@ def test_what_is_usual_is_not_told(tmp_path: Path) -> None:
     ({"length": 100}, "Lengths are in metres, those of a mesh file times its `unit`"),
     ({"at": 500}, ""),
     ({"at": 1e5}, "body bar lies 1e+05 m from the origin, where coordinates are rounded to 1.5e-11 m, 1e-09 of"),
+    ({"T_ref": 293}, "material steel: T_ref is 293 degC, and bodies of it start at 20 degC, with the strain of 273 K"),
+    ({"T_ref": 293.15}, "is 293.15 K meant?"),
+    ({"T_ref": 293, "alpha": 0}, ""),
+    ({"T_ref": 293, "T0": 290}, ""),
+    ({"T_ref": 600}, ""),  # a casting
+    ({"unit": "K", "T0": 300}, "start at 300 K, with the strain of 280 K: is 20 degC meant?"),
+    ({"unit": "K", "T0": 300, "T_ref": 700}, ""),
     ({"unit": "K"}, "body bar starts at 20 K (-253.15 degC): for degrees Celsius write units: {temperature: degC}"),
 ])
 def test_a_unit_mistaken_is_told_with_the_one_meant(tmp_path: Path, wrong: dict[str, object], told: str) -> None:
