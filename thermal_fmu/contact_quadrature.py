@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -9,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from contact.half.contact_client import ContactSurfaces
+from contact.half.functions import Field
 from contact.half.gap_area import gap_areas
 from contact.half.linalg import Pattern
 from contact.messages import Facing
@@ -39,19 +41,44 @@ def shape_functions(xi: Floats) -> Floats:
     return np.stack([1.0 - xi, xi], axis=1)
 
 
-def gauss_points(edges: Ints, x: Floats, axisymmetric: bool) -> EdgePoints:
+def gauss_points(edges: Ints, x: Floats, axisymmetric: bool, *data: Field) -> EdgePoints:
     """Place two Gauss points on every edge : (n, 2) nodes, at coordinates x : (n_nodes, 2) [m].
 
-    edges : (n, 2) nodes.  Areas carry 2 pi r if axisymmetric.
+    Areas carry 2 pi r if axisymmetric.  data : what is read at the points.  Where a profile of it kinks within an edge,
+    each part of that edge has two points: what a strip gives is the same wherever nodes are, also one narrower than an
+    edge.
     """
-    a, b = x[edges[:, 0]], x[edges[:, 1]]
-    length = np.repeat(np.hypot(b[:, 0] - a[:, 0], b[:, 1] - a[:, 1]), EDGE_XI.size)
-    edge = np.repeat(np.arange(len(edges)), EDGE_XI.size)
-    N = shape_functions(np.tile(EDGE_XI, len(edges)))
-    r = N[:, 0] * a[edge, 0] + N[:, 1] * b[edge, 0]
+    edge, start, share = _parts(edges, x, data)
+    a, b = x[edges[edge, 0]], x[edges[edge, 1]]
+    length = np.repeat(np.hypot(b[:, 0] - a[:, 0], b[:, 1] - a[:, 1]) * share, EDGE_XI.size)
+    N = shape_functions((start[:, None] + share[:, None] * EDGE_XI).ravel())
+    edge = np.repeat(edge, EDGE_XI.size)
+    r = N[:, 0] * x[edges[edge, 0], 0] + N[:, 1] * x[edges[edge, 1], 0]
     # fault: 2 pi r dropped on edges -> depth = 1.0 | thermal_fmu/test_thermal_space
     depth = 2.0 * np.pi * r if axisymmetric else 1.0
     return EdgePoints(edge, N, EDGE_WEIGHT * length * depth)
+
+
+def _parts(edges: Ints, x: Floats, data: Sequence[Field]) -> tuple[NDArray[np.intp], Floats, Floats]:
+    """Return the edge : (m,) of each part between kinks of data, where on it the part begins and its share of it [1].
+    """
+    every = np.arange(len(edges))
+    edge, xi = [every, every], [np.zeros(len(edges)), np.ones(len(edges))]
+    for axis in (0, 1):
+        a, b = x[edges[:, 0], axis], x[edges[:, 1], axis]
+        for kinks in (field.kinks[axis] for field in data):
+            first = np.searchsorted(kinks, np.minimum(a, b), "right")
+            # fault: edges are not parted where data kink -> inside = 0 * first | thermal_fmu/test_flux_strip
+            inside = np.maximum(np.searchsorted(kinks, np.maximum(a, b), "left") - first, 0)
+            crossed = np.repeat(every, inside)
+            nth = np.arange(crossed.size) - np.repeat(np.cumsum(inside) - inside, inside)
+            edge.append(crossed)
+            xi.append((kinks[first[crossed] + nth] - a[crossed]) / (b[crossed] - a[crossed]))
+    of, at = np.concatenate(edge), np.concatenate(xi)
+    order = np.lexsort((at, of))
+    of, at = of[order], at[order]
+    part = (of[1:] == of[:-1]) & (at[1:] > at[:-1])
+    return of[1:][part], at[:-1][part], np.diff(at)[part]
 
 
 def edge_slots(pattern: Pattern, edges: Ints) -> NDArray[np.int64]:

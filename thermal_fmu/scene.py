@@ -293,7 +293,7 @@ def _mechanical(volume: CellMesh, shapes: Sequence[CellGeometry], E_M: Floats) -
 
 
 def _areas(flux: Flux, x: Floats, volume: CellMesh) -> Floats:
-    points = gauss_points(flux.edges, x, volume.axisymmetric)
+    points = gauss_points(flux.edges, x, volume.axisymmetric, flux.value)
     nodes = flux.edges[points.edge]
     weights = points.area[:, None] * points.N
     if flux.value.is_uniform:

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from contact.half.contact_client import ContactSurfaces
-from contact.half.functions import Level, Property, resolve
+from contact.half.functions import Field, Level, Property, resolve
 from contact.half.interface import Interface
 from contact.laws import gap_factor
 from thermal_fmu.contact_quadrature import ContactPoints, EdgePoints, gauss_points
@@ -59,14 +59,14 @@ class SurfaceGeometry:
     points: ContactPoints | None
 
 
-def exposed_points(where: Exposed, slots: NDArray[np.int64], geometry: SurfaceGeometry) -> ExposedPoints:
+def exposed_points(where: Exposed, slots: NDArray[np.int64], geometry: SurfaceGeometry, *data: Field) -> ExposedPoints:
     """Place the points of a surface open to its surroundings.
 
-    slots : (n_edges, 2) of the diagonals of its edges' nodes in the matrix data.
+    slots : (n_edges, 2) of the diagonals of its edges' nodes in the matrix data.  data : what is read at the points.
 
     The whole edge counts with kappa = 1, less its facing pieces, plus kappa(gap) times those pieces, on either side.
     """
-    parts = [gauss_points(where.edges, geometry.x, geometry.axisymmetric)]
+    parts = [gauss_points(where.edges, geometry.x, geometry.axisymmetric, *data)]
     points, first = geometry.points, geometry.surfaces.first.get(where.surface)
     if points is not None and first is not None and where.ends is not None:
         # fault: no kappa -> excess = 0.0 * points.gap | thermal_fmu/test_thermal_contact
@@ -106,7 +106,7 @@ class FrozenRadiator:
 
 def freeze_radiator(radiator: Radiator, slots: NDArray[np.int64], geometry: SurfaceGeometry) -> FrozenRadiator:
     """Place a radiating surface where it is open.  slots : as exposed_points has them."""
-    points = exposed_points(radiator.where, slots, geometry)
+    points = exposed_points(radiator.where, slots, geometry, radiator.T_inf)
     uniform = radiator.T_inf.is_uniform
     return FrozenRadiator(radiator, points, None if uniform else radiator.T_inf.shapes(points.places(geometry.x)))
 
@@ -159,7 +159,7 @@ class FrozenFilm:
 
 def freeze_film(film: Film, slots: NDArray[np.int64], geometry: SurfaceGeometry) -> FrozenFilm:
     """Place a film where it acts.  slots : as exposed_points has them."""
-    points = exposed_points(film.where, slots, geometry)
+    points = exposed_points(film.where, slots, geometry, film.h, film.Te)
     if film.h.is_uniform and film.Te.is_uniform:
         return FrozenFilm(film, points, None, None)
     places = points.places(geometry.x)

@@ -170,6 +170,15 @@ class Field:
                     row *= profile(s)
         return out
 
+    @cached_property
+    def kinks(self) -> tuple[Floats, Floats]:
+        """Places (n,) [m], ascending, at which a profile of x or of y changes its slope; of each coordinate."""
+        found: list[Floats] = []
+        for profiles in ([term.x for term in self.terms], [term.y for term in self.terms]):
+            tables = [p.at for p in profiles if p is not None and p.at is not None]
+            found.append(np.unique(np.concatenate(tables)) if tables else np.empty(0))
+        return found[0], found[1]
+
     def at(self, x: Floats, t: float, side: int = 1) -> Floats:
         """Return the values (n,), in the unit of the field, at coordinates x : (n, 2) [m] and time t [s]."""
         return np.broadcast_to(resolve(self.level(t, side), self.shapes(x)), (len(x),)).copy()
