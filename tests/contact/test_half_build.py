@@ -11,6 +11,8 @@ from xml.etree import ElementTree
 
 import pytest
 
+from contact.half import build_fmu, papers
+
 sys.path.insert(0, str(Path(__file__).parent))
 from toy_halves import HALVES, build, directory, environment, fresh
 
@@ -40,33 +42,34 @@ def test_the_fmu_is_deflated_and_holds_what_it_needs(fmu):
     assert root.find("CoSimulation").get("canSerializeFMUstate") == "true"
 
 
-def test_the_same_content_gives_the_same_file_and_another_gives_another_name(fmu, tmp_path):
+def test_the_same_content_gives_the_same_file_and_another_gives_another_name(fmu, tmp_path, monkeypatch):
     assert build(tmp_path / "again").read_bytes() == fmu.read_bytes()
-
-    def guid(path: Path) -> str:
-        with zipfile.ZipFile(path) as archive:
-            return ElementTree.fromstring(archive.read("modelDescription.xml")).get("guid")
-
-    assert len({guid(fmu), guid(build(tmp_path / "rate", rate=0.2)), guid(build(tmp_path / "mesh", n=5))}) == 3
+    monkeypatch.syspath_prepend(str(HALVES))
+    others = built_here(tmp_path / "rate", rate=0.2), built_here(tmp_path / "mesh", n=5)
+    assert len({guid(path) for path in (fmu, *others)}) == 3
 
 
-@pytest.mark.parametrize("change", ["papers.requirements = lambda *_: ['h5py==0']",
-                                    "papers.origin_of = lambda _: papers.Origin('toy', '9', 'MIT')"])
-def test_what_it_needs_and_where_it_is_from_are_in_its_name(fmu, tmp_path, change):
+@pytest.mark.parametrize(("name", "other"), [("requirements", ["h5py==0"]),
+                                             ("origin_of", papers.Origin("toy", "9", "MIT"))])
+def test_what_it_needs_and_where_it_is_from_are_in_its_name(fmu, tmp_path, name, other, monkeypatch):
     """Two files of one guid are one file."""
-    code = f"""
-        from contact.half import build_main, papers
-        {change}
-        build_main("toy_half", "toy_half.model:load")
-    """
-    out = directory(tmp_path) / "other.fmu"
-    fresh(code, tmp_path, out)
+    monkeypatch.syspath_prepend(str(HALVES))
+    assert built_here(tmp_path / "same").read_bytes() == fmu.read_bytes()
+    monkeypatch.setattr(papers, name, lambda *_: other)
+    out = built_here(tmp_path / "other")
     assert out.read_bytes() != fmu.read_bytes()
-    guids = []
-    for path in (fmu, out):
-        with zipfile.ZipFile(path) as archive:
-            guids.append(ElementTree.fromstring(archive.read("modelDescription.xml")).get("guid"))
-    assert guids[0] != guids[1]
+    assert guid(out) != guid(fmu)
+
+
+def built_here(folder: Path, n: int = 4, **model: object) -> Path:
+    """The FMU of a toy half, built in this process."""
+    return build_fmu(directory(folder, n, **model), folder / "toy.fmu", package="toy_half",
+                     load="toy_half.model:load")
+
+
+def guid(path: Path) -> str:
+    with zipfile.ZipFile(path) as archive:
+        return ElementTree.fromstring(archive.read("modelDescription.xml")).get("guid")
 
 
 @pytest.mark.few("<lambda>-interface.h5_0")

@@ -28,8 +28,23 @@ SMALL = ("--set", "bodies.lower.mesh.rectangle.cells=[6, 6]", "--set", "bodies.u
 
 
 def slideline(folder: Path, *arguments: str) -> subprocess.CompletedProcess[str]:
+    """The command in a process of its own."""
     return subprocess.run([sys.executable, "-m", "coupler.cli", *arguments], cwd=folder, capture_output=True, text=True,
                           check=False)
+
+
+@pytest.fixture
+def here(tmp_path, monkeypatch, capsys):
+    """The command in this process, which has imported everything."""
+    def said(*arguments: str) -> subprocess.CompletedProcess[str]:
+        monkeypatch.chdir(tmp_path)
+        monkeypatch.setattr(sys, "argv", ["slideline", *arguments])
+        capsys.readouterr()
+        with pytest.raises(SystemExit) as ended:
+            cli.main()
+        return subprocess.CompletedProcess(arguments, ended.value.code or 0, *capsys.readouterr())
+
+    return said
 
 
 def test_check_says_what_would_run(tmp_path):
@@ -41,8 +56,8 @@ def test_check_says_what_would_run(tmp_path):
     assert not list(tmp_path.iterdir())
 
 
-def test_check_tells_a_script_the_same(tmp_path):
-    done = slideline(tmp_path, "check", BLOCKS, "--json")
+def test_check_tells_a_script_the_same(here):
+    done = here("check", BLOCKS, "--json")
     assert done.returncode == 0, done.stderr
     facts = json.loads(done.stdout)
     s = load_scenario(BLOCKS)
@@ -50,7 +65,7 @@ def test_check_tells_a_script_the_same(tmp_path):
     assert facts["pairs"] == [{"name": "interface", "slave": "upper.bottom", "master": "lower.top"}]
     assert facts["probes"] == {name: probe.unit for name, probe in s.probes.items()}
     assert facts["windows"]["adaptive"] is (s.coupling.adaptive is not None)
-    wrong = slideline(tmp_path, "check", BLOCKS, "--json", "--set", "coupling.end=3 mm", "--set", "geometry=plain")
+    wrong = here("check", BLOCKS, "--json", "--set", "coupling.end=3 mm", "--set", "geometry=plain")
     assert wrong.returncode == 2, wrong.stderr
     facts = json.loads(wrong.stdout)
     assert facts["valid"] is False
@@ -58,20 +73,21 @@ def test_check_tells_a_script_the_same(tmp_path):
     assert all(e["message"] and e["remedy"] for e in facts["errors"])
 
 
-def test_a_name_that_list_tells_is_a_scenario(tmp_path):
-    done = slideline(tmp_path, "check", "heated_bars")
+def test_a_name_that_list_tells_is_a_scenario(here):
+    done = here("check", "heated_bars")
     assert done.returncode == 0, done.stderr
-    assert done.stdout == slideline(tmp_path, "check", BARS).stdout
+    assert done.stdout == here("check", BARS).stdout
 
 
-def test_check_tells_what_is_odd_though_no_error(tmp_path):
-    done = slideline(tmp_path, "check", BLOCKS, "--set", "bodies.upper.mesh.rectangle.origin=[0, 0.03]")
+def test_check_tells_what_is_odd_though_no_error(here):
+    done = here("check", BLOCKS, "--set", "bodies.upper.mesh.rectangle.origin=[0, 0.03]")
     assert done.returncode == 0, done.stderr
     assert "note: pair interface: 25 of the nodes looked at on upper.bottom start inside lower" in done.stdout
 
 
 def test_run_report_and_their_files(tmp_path):
-    done = slideline(tmp_path, "run", BARS, "-o", "bars.h5")
+    done = slideline(tmp_path, "run", BARS, "-o", "bars.h5", "--set", "coupling.end=8", "--set",
+                     "coupling.windows=[{until: 8, size: 1}]")
     assert done.returncode == 0, done.stderr
     assert "completed" in done.stdout
     assert "window" in done.stderr
@@ -204,15 +220,15 @@ def test_flags_take_no_value(tmp_path):
         assert "bool" not in done.stdout
 
 
-def test_bounds_of_a_comparison_are_checked_before_anything_runs(tmp_path):
+def test_bounds_of_a_comparison_are_checked_before_anything_runs(here, tmp_path):
     """They were left out in silence: without a comparison, and of quantities that nothing has."""
     for arguments, said in ((("--within", "T=1K"), "Add --compare"),
                             (("--swap", "mechanical=elastic", "--compare", "--within", "temp=1K"), "got 'temp'")):
-        done = slideline(tmp_path, "run", BARS, *arguments)
+        done = here("run", BARS, *arguments)
         assert (done.returncode, said in done.stderr, "--within" in done.stderr) == (2, True, True), done.stderr
         assert not list(tmp_path.iterdir())
 
 
-def test_a_study_without_a_grid_is_one_line(tmp_path):
-    done = slideline(tmp_path, "study", BARS, "--grid", "foo=1")
+def test_a_study_without_a_grid_is_one_line(here):
+    done = here("study", BARS, "--grid", "foo=1")
     assert (done.returncode, done.stderr.count("\n")) == (2, 1), done.stderr

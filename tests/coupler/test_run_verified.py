@@ -38,11 +38,13 @@ def words(folder: Path, *wrong: str, unit: str = "K") -> list[str]:
     return ["run", str(scene), "-o", str(folder / "run.h5"), "-q", "--swap", f"thermal={wall}", *sets]
 
 
-@pytest.mark.few("KEEPS_TIME-time passes")
+@pytest.mark.few("KEEPS_TIME-time passes-times0")
+@pytest.mark.parametrize("times", [[[]], [[], ["--verify"]]])
 @pytest.mark.parametrize(("wrong", "check"), [("HIDDEN", "same inputs, same bits"), ("KEEPS_TIME", "time passes")])
-def test_what_no_step_shows_is_named_before_the_run(wrong: str, check: str, tmp_path: Path) -> None:
+def test_what_no_step_shows_is_named_before_the_run(wrong: str, check: str, times: list[list[str]],
+                                                    tmp_path: Path) -> None:
     run = words(tmp_path, wrong)
-    for more in ([], ["--verify"]):
+    for more in times:
         with pytest.raises(HalfError, match=f"(?s)nothing was run.*thermal half .*fmu: {check}: "):
             CliRunner().invoke(app, [*run, *more], catch_exceptions=False)
         assert not (tmp_path / "run.h5").exists()
@@ -68,6 +70,7 @@ def test_the_command_ends_with_1_and_one_error(tmp_path: Path) -> None:
     assert "Traceback" not in done.stderr
 
 
+@pytest.mark.slow
 def test_a_half_that_is_right_is_checked_once_anew_if_asked_and_ours_never(tmp_path: Path) -> None:
     run = [word for word in words(tmp_path, unit="degC") if word != "-q"]
     told = []

@@ -132,9 +132,13 @@ def test_the_seizing_rod_and_the_column_are_told_as_good_as_they_are(tmp_path):
 
 # The run does not notice
 
-def test_a_run_that_is_looked_at_is_the_same_to_the_bit(tmp_path, monkeypatch):
+@pytest.fixture(scope="module")
+def looked_at(tmp_path_factory):
+    return ran(two_rods(0.25, 15.0), tmp_path_factory.mktemp("looked_at"))
+
+
+def test_a_run_that_is_looked_at_is_the_same_to_the_bit(looked_at, tmp_path, monkeypatch):
     doc = two_rods(0.25, 15.0)
-    looked_at = ran(doc, tmp_path)
     assert looked_at.totals["looks"]["windows"] >= 2
     monkeypatch.setattr(spare, "wanted", lambda *args, **more: False)
     monkeypatch.setattr(spare, "asks_gain", lambda *args: False)
@@ -148,17 +152,15 @@ def test_a_run_that_is_looked_at_is_the_same_to_the_bit(tmp_path, monkeypatch):
         assert np.array_equal(alone.condition(name)[1], looked_at.condition(name)[1]), name
 
 
-def test_a_run_that_was_stopped_looks_at_the_same_windows(tmp_path):
-    doc = two_rods(0.25, 15.0)
-    whole = ran(doc, tmp_path)
+def test_a_run_that_was_stopped_looks_at_the_same_windows(looked_at, tmp_path):
     out = tmp_path / "stopped.h5"
-    with Run(scene(doc), out) as r:
+    with Run(scene(two_rods(0.25, 15.0)), out) as r:
         for w in r.windows():
             if w.number == 9:
                 break
     resumed = resume(out)
-    assert resumed.totals["probe_errors"] == whole.totals["probe_errors"]
-    assert resumed.totals["looks"] == whole.totals["looks"]
+    assert resumed.totals["probe_errors"] == looked_at.totals["probe_errors"]
+    assert resumed.totals["looks"] == looked_at.totals["looks"]
 
 
 # When it looks

@@ -29,7 +29,7 @@ def _in_a_hurry(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def test_a_run_that_goes_on_has_a_page_that_is_renewed_until_it_ends(tmp_path: Path) -> None:
-    run = record(tmp_path / "run.h5", Case(windows=10, frames=11, reject=0))
+    run = record(tmp_path / "run.h5", Case(windows=4, frames=3, reject=0))
     out, seen = tmp_path / "run.html", []
 
     def on_page(results: Results) -> None:
@@ -39,7 +39,7 @@ def test_a_run_that_goes_on_has_a_page_that_is_renewed_until_it_ends(tmp_path: P
 
     done = watch_report(tmp_path / "run.h5", out, 0.05, on_page)
     assert [outcome for outcome, _, _ in seen] == ["running", "running", "completed"]
-    assert all(n == 11 for _, n, _ in seen)
+    assert all(n == 5 for _, n, _ in seen)
     for outcome, _, page in seen:
         assert ("This run goes on." in page) == ("data-renew" in page.partition("<body>")[0]) == (outcome == "running")
         assert 'id="player"' in page

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import sys
 from dataclasses import replace
+from functools import cache
 from itertools import pairwise
 from pathlib import Path
 
@@ -226,6 +227,13 @@ def collide(interface, v0, steps=80, t=0.008):
     return half, begin, state, np.array(path)
 
 
+@cache
+def collided(mu=0.0, turn=0.0):
+    """What becomes of `oblique`, and the turn of its frame."""
+    interface, v0, R = oblique(mu, turn)
+    return *collide(interface, v0), R
+
+
 def oblique(mu=0.0, turn=0.0, penalty=20.0):
     """Two blocks of unlike meshes, the upper to the side, so that they turn after they have met."""
     interface = blocks(5, 7, gap=1e-4, eps_N=penalty * E * 7)
@@ -239,8 +247,7 @@ def oblique(mu=0.0, turn=0.0, penalty=20.0):
 @pytest.mark.few("0.3")
 @pytest.mark.parametrize("mu", [0.0, 0.3])
 def test_bodies_that_meet_askew_keep_momentum_and_what_friction_leaves(mu):
-    interface, v0, _ = oblique(mu)
-    half, begin, end, path = collide(interface, v0)
+    half, begin, end, path, _ = collided(mu)
     e0 = stiff(half, begin).sum()
     assert np.abs(path.sum(axis=1) / e0 - 1.0).max() < 0.005
     if mu:
@@ -255,8 +262,7 @@ def test_bodies_that_meet_askew_keep_momentum_and_what_friction_leaves(mu):
 def test_the_frame_does_not_matter():
     found = []
     for turn in (0.0, 0.7):
-        interface, v0, R = oblique(0.3, turn)
-        _, _, end, path = collide(interface, v0)
+        _, _, end, path, R = collided(0.3, turn)
         found.append((end.u @ R, path))
     assert np.abs(found[0][0] - found[1][0]).max() < 1e-6 * np.abs(found[0][0]).max()
     assert found[0][1] == pytest.approx(found[1][1], rel=1e-6, abs=1e-8)

@@ -76,7 +76,7 @@ def went(times, plate, form="edges", v0=0.0, stick=STICK, **model):
 @pytest.mark.parametrize("form", ["edges", "nodes", "two passes"])
 def test_a_cycle_to_and_fro_loses_what_friction_takes(form):
     """No inertia: 4 mu N (A - mu N/k - mu N/k_T) a cycle of amplitude A, in steps that do not end where it lets go."""
-    A, cycles, steps = 3.3 * X_S, 3, 37
+    A, cycles, steps = 3.3 * X_S, 2, 37
     corners = np.arange(2 * cycles + 2.0)
     plate = {"t": list(corners), "value": [0.0, *(A * (-1.0) ** np.arange(2 * cycles + 1))]}
     times = np.concatenate([c + np.arange(1, steps + 1) / steps for c in corners[:-1]])

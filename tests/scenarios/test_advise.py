@@ -48,6 +48,18 @@ class Told:
         return lambda share: None
 
 
+def test_what_was_found_before_ctrl_c_is_not_tried_again(scene: Path, tmp_path: Path) -> None:
+    stopped, again = Told(3), Told(1)
+    for told in (stopped, again):
+        found = advise(scene, tmp_path / "a", AdviceOptions(ASKED), told)
+        assert found.interrupted
+        assert found.file is None
+        assert any(f"{RIGID_REST} changes T by" in line for line in found.lines)
+        assert found.lines[-1].startswith("stopped by Ctrl-C")
+    assert {FULL_MODEL, RIGID_REST} <= set(stopped.names)
+    assert not set(stopped.names) & set(again.names)
+
+
 @pytest.fixture(scope="module")
 def advices(scene: Path) -> tuple[Advice, Told, Advice, Told]:
     """One that Ctrl-C stopped before its fourth trial, and the same again."""
@@ -56,6 +68,7 @@ def advices(scene: Path) -> tuple[Advice, Told, Advice, Told]:
             advise(scene, scene.parent / "a", AdviceOptions(ASKED), second), second)
 
 
+@pytest.mark.slow
 def test_ctrl_c_keeps_the_findings(advices: tuple[Advice, Told, Advice, Told]) -> None:
     stopped, first, done, second = advices
     assert stopped.interrupted
@@ -67,6 +80,7 @@ def test_ctrl_c_keeps_the_findings(advices: tuple[Advice, Told, Advice, Told]) -
     assert set(first.names) & {FULL_MODEL, RIGID_REST}
 
 
+@pytest.mark.slow
 def test_what_it_leaves_out_and_what_it_keeps(advices: tuple[Advice, Told, Advice, Told]) -> None:
     findings = advices[2].findings
     good = {t.simplification.name: t.acceptable for t in findings.trials}
@@ -87,6 +101,7 @@ def test_what_it_leaves_out_and_what_it_keeps(advices: tuple[Advice, Told, Advic
     assert "it has the scenario's own mesh and windows 4 times as long" in advices[2].lines
 
 
+@pytest.mark.slow
 def test_the_advised_scenario_is_as_near_as_it_says(scene: Path, advices: tuple[Advice, Told, Advice, Told]) -> None:
     done = advices[2]
     assert done.file is not None

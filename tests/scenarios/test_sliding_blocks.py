@@ -53,7 +53,7 @@ def check_table(results: Results, tolerance: str) -> None:
 CASES = [("elastic", 24, 24), ("rigid", 24, 24), ("rigid", 24, 31), ("elastic", 24, 31)]
 
 
-@pytest.mark.few("elastic-24-24")
+@pytest.mark.few("rigid-24-24")
 @pytest.mark.parametrize("case", CASES, ids=lambda c: "-".join(map(str, c)))
 def test_table_at_24(runs, case):
     check_table(runs(*case), "tol_24")
@@ -66,13 +66,13 @@ def test_table_at_48(runs, mechanical):
     check_table(runs(mechanical, 48, 48), "tol_48")
 
 
-@pytest.mark.few("elastic-24-24")
+@pytest.mark.few("rigid-24-24")
 @pytest.mark.parametrize("case", CASES, ids=lambda c: "-".join(map(str, c)))
 def test_a_healthy_run_shows_no_two_cycle(runs, case):
     assert not any("go up and down" in note for note in runs(*case).notes)
 
 
-@pytest.mark.few("elastic-24-24")
+@pytest.mark.few("rigid-24-24")
 @pytest.mark.parametrize("case", CASES, ids=lambda c: "-".join(map(str, c)))
 def test_every_joule_is_accounted_for(runs, case):
     r = runs(*case)
@@ -110,8 +110,10 @@ def test_elastic_against_rigid(runs, cells):
             assert (difference <= allowed).all(), f"{name}: {(difference - allowed).max()} K too far"
 
 
-def test_the_story(runs):
-    r = runs("elastic", 24, 24)
+@pytest.mark.few("rigid")
+@pytest.mark.parametrize("mechanical", ["rigid", "elastic"])
+def test_the_story(runs, mechanical):
+    r = runs(mechanical, 24, 24)
     t, left = r.probe("lower.top.left", unit="degC")
     centre, right = (r.probe(name, unit="degC")[1] for name in PROBES[1:])
     # Equilibrium by 2500 s, at the closed form 200 Bi/(1 + Bi).
@@ -135,6 +137,7 @@ def test_the_story(runs):
         F1["upper_bottom_at_rest"], abs=0.01)
 
 
+@pytest.mark.slow
 def test_the_upper_block_springs_back_when_it_slips_off(runs):
     """Its bottom is pressed up by half the squeeze while the blocks are held, and falls back when they part."""
     t, u_y = runs("elastic", 24, 24).probe("upper.bottom.u_y")
@@ -144,7 +147,7 @@ def test_the_upper_block_springs_back_when_it_slips_off(runs):
     assert free == pytest.approx(-0.0508069342, abs=1e-9)
 
 
-@pytest.mark.few("elastic-24-24")
+@pytest.mark.few("rigid-24-24")
 @pytest.mark.parametrize("case", CASES, ids=lambda c: "-".join(map(str, c)))
 def test_equal_probes_at_full_contact(runs, case):
     unlike = case == ("elastic", 24, 31)
