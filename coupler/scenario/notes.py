@@ -29,8 +29,8 @@ Floats = NDArray[np.float64]
 
 
 def thermal_notes(model: Model, pairs: Iterable[Pair], T: float) -> list[str]:
-    """A sentence each: conductance that jumps at touch, starts at melting points, radiation missing or twice, gaps
-    never seen.
+    """A sentence each: conductance that jumps at touch, or is missing, starts at melting points, radiation missing or
+    twice, gaps never seen.
 
     model : model.json of the thermal half (of another package: nothing is found in it).  pairs : of the scene.
     T : the mean over the bodies at the start [K].
@@ -38,6 +38,7 @@ def thermal_notes(model: Model, pairs: Iterable[Pair], T: float) -> list[str]:
     known, pairs = model.get("pairs", {}), list(pairs)
     own = [note for pair in pairs for note in (*_torn_laws(pair.name, known.get(pair.name, {}), T),
                                                *_radiation(model, pair, known.get(pair.name, {})),
+                                               *_cut_off(model, pair, known.get(pair.name)),
                                                *_out_of_sight(model, pair, known.get(pair.name, {})))]
     return own + _unlit(model, pairs) + _at_melting(model)
 
@@ -78,6 +79,20 @@ def _torn_laws(name: str, pair: Model, T: float) -> list[str]:
     return [] if torn is None else [
         f"pair {name}: the conductance jumps from {torn[0]:.6g} to {torn[1]:.6g} W/m2K when it touches; laws that join "
         "there let windows stay large"]
+
+
+def _cut_off(model: Model, pair: Pair, spec: Model | None) -> list[str]:
+    """A pair across which no heat goes, though the scene warms or cools its bodies.  spec : None of another package."""
+    bodies = [surface.partition(".")[0] for surface in (pair.slave, pair.master)]
+    stated = [model.get("bodies", {}).get(body, {}) for body in bodies]
+    warmed = any(str(b.get("on", b.get("body", ""))).partition(".")[0] in bodies for b in model.get("boundary", ()))
+    # fault: a pair that lets no heat pass is not told -> if True: | coupler/test_scenario_thermal
+    if spec is None or pair.tied or bodies[0] == bodies[1] or spec.get("conduction") or spec.get("radiation"):
+        return []
+    if not warmed and stated[0].get("T0") == stated[1].get("T0"):
+        return []
+    return [f"pair {pair.name}: no heat crosses between {bodies[0]} and {bodies[1]}, because the pair has no "
+            "conduction"]
 
 
 def torn_pairs(model: Model, pairs: Iterable[Pair], T: float) -> dict[str, tuple[float, float]]:

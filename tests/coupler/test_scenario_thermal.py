@@ -6,6 +6,7 @@ import re
 import sys
 from math import pi
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -357,3 +358,22 @@ def test_a_steady_temperature_must_be_held(tmp_path: Path) -> None:
 
 def test_an_h_factor_may_begin_at_zero(tmp_path: Path) -> None:
     load_text(tmp_path, RICH.replace("h_factor: {T: [0, 50], value: [0, 1]}", "h_factor: {polynomial: [-2, 0.1]}"))
+
+
+def test_a_pair_that_lets_no_heat_pass_is_told() -> None:
+    """A hot block pressed on a cold one: without `conduction` both keep their temperatures, which nobody meant."""
+    pair, law = Pair("face", "a.top", "b.bottom", 0.1, 0.0), {"law": "constant", "h": 1000.0}
+
+    def notes(T0: float, pairs: dict[str, Any], pair: Pair = pair, **more: Any) -> list[str]:
+        return thermal_notes({"bodies": {"a": {"material": "m", "T0": 300.0}, "b": {"material": "m", "T0": T0}},
+                              "pairs": pairs} | more, [pair], 300.0)
+
+    told = ["pair face: no heat crosses between a and b, because the pair has no conduction"]
+    warmed = [{"on": "a.bottom", "temperature": 400.0}]
+    assert notes(400.0, {"face": {}}) == notes(300.0, {"face": {}}, boundary=warmed) == told
+    assert notes(300.0, {"face": {}}) == notes(300.0, {"face": {}}, boundary=[{"on": "c.top", "flux": 1.0}]) == []
+    assert notes(400.0, {}) == [], "a half of another package knows"
+    assert notes(400.0, {"face": {"conduction": {"closed": law, "open": None}}}) == []
+    assert notes(400.0, {"face": {"conduction": {"closed": None, "open": None}}}) == [], "it is said that none crosses"
+    assert notes(400.0, {"face": {}}, Pair("face", "a.top", "b.bottom", 0.1, 0.0, tied=True)) == []
+    assert notes(400.0, {"face": {}}, Pair("face", "a.top", "a.bottom", 0.1, 0.0)) == []
