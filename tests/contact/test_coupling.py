@@ -41,9 +41,7 @@ def dense(c: Couplings) -> tuple[Floats, Floats, Floats]:
     return B, C, D
 
 
-@pytest.mark.few(
-    "0.0-sides0-False-False-pressed", "0.2-sides1-False-True-let go", "0.2-sides2-False-False-pressed",
-    "0.2-sides3-True-False-let go", "0.2-sides3-True-True-pressed")
+@pytest.mark.few("0.2-sides2-False-False-pressed", "0.2-sides1-False-True-let go", "0.0-sides0-False-False-pressed")
 @pytest.mark.parametrize("gap", [-0.03, 0.02], ids=["pressed", "let go"])
 @pytest.mark.parametrize("axisymmetric", [False, True])
 @pytest.mark.parametrize(("mu", "sides", "by_node"), [(0.0, ((0, 1),), False), (0.2, ((0, 1),), False),

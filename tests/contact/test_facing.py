@@ -31,6 +31,7 @@ def edge_parts(register: Register, x: Floats, facing: Facing, side: int) -> tupl
     return parts, np.column_stack([L * (2 * r_a + r_b) / 6, L * (r_a + 2 * r_b) / 6])
 
 
+@pytest.mark.few("mesh0", "mesh1", "mesh6")
 @pytest.mark.parametrize("mesh", MESHES)
 def test_partial_overlap_is_exact_at_every_slide_position(mesh: tuple[int, int]) -> None:
     """D11: the sum of areas is the overlap w, on both sides, also a hair off a node and a hair before leaving."""

@@ -56,6 +56,7 @@ def test_roles_may_be_exchanged() -> None:
                                atol=1e-12 * np.abs(push(register, x).force).max())
 
 
+@pytest.mark.few("False-0.05", "True-10.0")
 @pytest.mark.parametrize("mu", [0.0, 0.05, 10.0])
 @pytest.mark.parametrize("axisymmetric", [False, True])
 def test_the_stiffness_is_the_derivative(mu: float, axisymmetric: bool) -> None:

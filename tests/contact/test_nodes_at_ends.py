@@ -59,6 +59,7 @@ def beside(slide: float, axisymmetric: bool) -> tuple[Register, Floats]:
     return register, x
 
 
+@pytest.mark.few("0.05-True-0.12", "10.0-False-0.0", "0.05-False--0.1", "10.0-True-0.12")
 @pytest.mark.parametrize("slide", [0.0, 0.12, -0.1])
 @pytest.mark.parametrize("axisymmetric", [False, True])
 @pytest.mark.parametrize("mu", [0.0, 0.05, 10.0])

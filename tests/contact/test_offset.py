@@ -61,6 +61,7 @@ def test_forces_balance() -> None:
     assert abs(moment.sum()) <= 1e-12 * np.abs(moment).max()
 
 
+@pytest.mark.few("False-0.05", "True-10.0")
 @pytest.mark.parametrize("mu", [0.0, 0.05, 10.0])
 @pytest.mark.parametrize("axisymmetric", [False, True])
 def test_the_stiffness_is_the_derivative(mu: float, axisymmetric: bool) -> None:

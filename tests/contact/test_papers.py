@@ -159,6 +159,7 @@ def test_what_few_scenes_need_is_imported_by_those(half: str) -> None:
     assert not {"scipy.interpolate", "scipy.optimize", "matplotlib"} & set(said)
 
 
+@pytest.mark.few("coupler.verify.child", "contact.half.volume")
 @pytest.mark.parametrize("module", ["contact.half.slave", "contact.half.volume", "coupler.verify.child"])
 def test_who_compiles_nothing_imports_no_compiler(module: str) -> None:
     """numba takes 0.3 s to import: each process of another package's half, and each that checks one."""

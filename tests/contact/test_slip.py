@@ -138,6 +138,9 @@ def differences(register: Register, x: Floats, multipliers: Floats, before: Floa
     return K
 
 
+@pytest.mark.few(
+    "near-both-True-two passes-points", "over edges-both-True-two passes-nodes", "near-both-True-edges-points",
+    "near-both-False-two passes-nodes")
 @pytest.mark.parametrize("remembers", ["nodes", "points"])
 @pytest.mark.parametrize("form", FORMS)
 @pytest.mark.parametrize("axisymmetric", [False, True])

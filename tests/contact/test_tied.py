@@ -55,6 +55,7 @@ def stiffness(reply, n: int) -> Floats:
     return K.reshape(2 * n, 2 * n)
 
 
+@pytest.mark.few("curved", "overlapping")
 @pytest.mark.parametrize("name", scenes())
 def test_the_stiffness_is_the_derivative_of_the_forces(name):
     register, x = scenes()[name]
@@ -79,6 +80,7 @@ def coupled(register: Register, x: Floats, multipliers: Floats) -> Couplings:
     return reply
 
 
+@pytest.mark.few("curved", "ring")
 @pytest.mark.parametrize("name", scenes())
 def test_forces_and_residuals_answer_to_multipliers_and_places_as_told(name):
     register, x = scenes()[name]

@@ -133,6 +133,7 @@ def test_stiffness_is_the_derivative_of_the_forces(slide: float, axisymmetric: b
     assert abs(B - K).max() <= 1e-9 * abs(K).max()
 
 
+@pytest.mark.few("True-10.0-0", "False-0.05-12")
 @pytest.mark.parametrize(("mu", "slipping"), [(10.0, 0), (0.05, 12)])
 @pytest.mark.parametrize("axisymmetric", [False, True])
 def test_stiffness_of_friction_is_the_derivative_of_the_forces(mu: float, slipping: int, axisymmetric: bool) -> None:

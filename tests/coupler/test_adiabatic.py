@@ -35,6 +35,7 @@ def bar(k: float, dtau: float, n: int, scheme: Scheme, **more) -> list[float]:
     return [float(np.hypot(k * level.x[0, 1], (level.T[0] - SHIFT) / np.sqrt(DELTA))) for level in ends]
 
 
+@pytest.mark.few("4.0")
 @pytest.mark.parametrize("k", [1.0, 4.0])
 def test_the_isothermal_split_grows_where_the_adiabatic_decays(k):
     n = 300

@@ -51,6 +51,7 @@ def schemes(tried) -> list[Scheme]:
     return [w.solved.scheme for w in tried]
 
 
+@pytest.mark.few("0.001-midpoint", "0.3-backward_euler")
 @pytest.mark.parametrize("method", ["backward_euler", "midpoint"])
 @pytest.mark.parametrize("off", [1e-3, 0.3])
 def test_far_inside_the_limit_a_window_costs_about_one_solve_of_each_half(method, off):

@@ -48,6 +48,9 @@ def test_a_kink_beside_the_solution_is_passed(weak, strong, kink, modes):
     assert 0 < iterates(weak, strong, kink, modes) <= 36
 
 
+@pytest.mark.few(
+    "slopes1-kinks0-modes0", "slopes1-kinks0-modes1", "slopes2-kinks1-modes0", "slopes0-kinks2-modes0",
+    "slopes1-kinks3-modes0")
 @pytest.mark.parametrize("modes", [((1.0, 0.3), (-0.2, 1.0)), ((0.7, 0.7), (-0.7, 0.7))])
 @pytest.mark.parametrize("kinks", [(1e-1, 3e-2), (1e-2, 3e-3), (1e-3, 1e-3), (1e-4, 1e-2)])
 @pytest.mark.parametrize("slopes", [(30.0, 3.0), (300.0, 30.0), (300.0, 300.0)])

@@ -78,6 +78,7 @@ def solve(built: Built, out: Path, monkeypatch: pytest.MonkeyPatch, **instead: H
     return r
 
 
+@pytest.mark.few("degrees Celsius", "below absolute zero", "millimetres", "pressures that pull")
 @pytest.mark.parametrize("name", [name for name, case in CASES.items() if case.says])
 def test_a_run_names_it(name: str, built: Built, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     case = CASES[name]

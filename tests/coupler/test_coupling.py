@@ -47,6 +47,7 @@ def error(n: int, scheme: Scheme, **how) -> float:
     return abs(float(couple(n, scheme, **how)[0].now.T[0]) - EXACT_E8)
 
 
+@pytest.mark.few("midpoint")
 @pytest.mark.parametrize("method", ["midpoint", "backward_euler"])
 def test_staggered_is_first_order_whatever_the_half(method):
     coarse, fine = (error(n, Scheme.STAGGERED, thermal=lumped(840.0, method)) for n in (160, 320))
@@ -60,6 +61,7 @@ def test_extrapolated_is_second_order_at_one_solve_a_half():
     assert fine < 1e-3
 
 
+@pytest.mark.few("substeps0", "substeps2")
 @pytest.mark.parametrize("substeps", [(3, 1), (1, 4), (2, 3)])
 def test_substeps_of_either_half_keep_the_order(substeps):
     coarse, fine = (error(n, Scheme.EXTRAPOLATED, substeps=substeps) for n in (160, 320))

@@ -60,6 +60,7 @@ def test_it_is_told_within_six_exchanges_from_far_off_too(T0: float):
     assert k <= FIRES_WITHIN
 
 
+@pytest.mark.few("930.0-0.98", "700.0-0.9", "831.8-0.5", "840.0-0.98")
 @pytest.mark.parametrize("share", [0.5, 0.8, 0.9, 0.98])
 @pytest.mark.parametrize("T0", [831.8, 840.0, 849.0, 700.0, 930.0])
 def test_below_the_limit_it_only_converges_and_nothing_is_told(share: float, T0: float):
@@ -104,6 +105,9 @@ def test_a_kink_ends_it(on: OnCycle):
     assert pytest.approx(1.2 * DT, rel=0.05) == after.H
 
 
+@pytest.mark.few(
+    "Scheme.STAGGERED-400", "Scheme.ITERATED-80", "Scheme.EXTRAPOLATED-80", "Scheme.PARALLEL-40",
+    "Scheme.MECHANICAL_FIRST-40")
 @pytest.mark.parametrize(("scheme", "n"), [(s, n) for s in (
     Scheme.STAGGERED, Scheme.MECHANICAL_FIRST, Scheme.PARALLEL, Scheme.EXTRAPOLATED, Scheme.ITERATED)
     for n in (40, 80, 400)])

@@ -194,6 +194,7 @@ def test_a_latin_1_deck_is_read(tmp_path):
     assert tree["title"] == "Zwei Bl\u00f6cke"
 
 
+@pytest.mark.few("1")
 @pytest.mark.parametrize("seed", range(3))
 def test_cut_decks_end_in_a_scenario_or_in_our_own_error(tmp_path, seed):
     rng = random.Random(seed)
@@ -206,6 +207,7 @@ def test_cut_decks_end_in_a_scenario_or_in_our_own_error(tmp_path, seed):
             converted(tmp_path, text)
 
 
+@pytest.mark.few("0")
 @pytest.mark.parametrize("seed", range(4))
 def test_decks_of_changed_bytes_end_in_a_scenario_or_in_our_own_error(tmp_path, seed):
     rng = random.Random(seed)

@@ -74,6 +74,7 @@ def test_b14_measured_strain_rate_is_held() -> None:
     assert max(p) == pytest.approx(B14["peak_p"], rel=B14["tolerance"])
 
 
+@pytest.mark.few("0.2", "1.0")
 @pytest.mark.parametrize("m", [0.2, 0.3, 0.7, 1.0])
 def test_a_measured_gain_serves_any_exponent(m: float) -> None:
     told = rates(m, hold(), (300.0, 300))

@@ -54,7 +54,7 @@ def events(tried: list[Tried]) -> list[tuple[str, float]]:
     return [(w.event, w.t + w.H) for w in tried if w.accepted and w.event]
 
 
-@pytest.mark.few("Scheme.STAGGERED", "Scheme.EXTRAPOLATED")
+@pytest.mark.few("Scheme.EXTRAPOLATED")
 @pytest.mark.parametrize("scheme", [Scheme.STAGGERED, Scheme.EXTRAPOLATED, Scheme.ITERATED])
 def test_a_rod_that_grows_into_a_wall_touches_it_when_it_must(scheme):
     """D13, windows of 1 s."""

@@ -48,6 +48,7 @@ def scenario(half: FmuHalf) -> Iterator[Array]:
     yield from half.read(["T", "x", "contact.t_N"]).values()
 
 
+@pytest.mark.few("degC")
 @pytest.mark.parametrize("unit", ["K", "degC"])
 def test_arrays_of_fmi_3_are_the_scalars_of_fmi_2_to_the_bit(unit: str, tmp_path: Path) -> None:
     found: list[list[Array]] = []

@@ -141,6 +141,9 @@ def trusted(tried: list[Tried], case: Case) -> bool:
 SOLVED_ONCE = [Scheme.STAGGERED, Scheme.EXTRAPOLATED, Scheme.PARALLEL]
 
 
+@pytest.mark.few(
+    "E4-Scheme.STAGGERED-1.2", "E4-Scheme.EXTRAPOLATED-10.0", "E4-Scheme.PARALLEL-100.0", "E3c-Scheme.STAGGERED-100.0",
+    "E3c-Scheme.EXTRAPOLATED-1.2", "E3c-Scheme.PARALLEL-10.0")
 @pytest.mark.parametrize("share", [0.1, 1.0, 1.2, 10.0, 100.0,
                                    *(pytest.param(s, marks=pytest.mark.slow) for s in (0.3, 3.0, 30.0))])
 @pytest.mark.parametrize("scheme", SOLVED_ONCE)

@@ -78,6 +78,7 @@ def test_a_load_without_a_jump_has_always_been_there(tmp_path):
     assert not [n for n in solved(tmp_path, elastic, "elastic").header["notes"] if "in equilibrium" in n]
 
 
+@pytest.mark.few("1e-05")
 @pytest.mark.parametrize("gap", [0.0, 1e-5])
 def test_what_only_the_load_would_hold_begins_where_it_is_drawn(tmp_path, gap):
     """A block on another, or above it, that is pressed from t = 0 on: before, nothing presses and nothing moves."""

@@ -55,7 +55,7 @@ def everywhere(folder: Path, doc: dict[str, Any]) -> tuple[Results, dict[str, fl
         "paraview": float(np.nanmax(results.field("mechanical.p")[1]))}
 
 
-@pytest.mark.few("cuts", "two_pass")
+@pytest.mark.few("two_pass")
 @pytest.mark.parametrize("settings", [{}, {"form": "nodes"}, {"two_pass": True}, {"augmented": None}],
                          ids=["cuts", "nodes", "two_pass", "penalty"])
 def test_five_places_tell_one_pressure(tmp_path, settings):

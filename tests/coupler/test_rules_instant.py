@@ -105,7 +105,7 @@ SWITCH, STOP = [{"set": {"load.heater": 0}}], [{"stop": "hot"}]
 FIXED = {"windows": [{"until": 1000, "size": 40}]}
 
 
-@pytest.mark.few("fixed", "iterated")
+@pytest.mark.few("iterated")
 @pytest.mark.parametrize("coupling", [
     {}, FIXED | {"events": {"locate": True}}, FIXED | {"events": {"locate": True}, "scheme": "iterated"}],
     ids=["defaults", "fixed", "iterated"])
@@ -118,6 +118,7 @@ def test_a_heater_is_switched_off_when_it_must(tmp_path, coupling):
     assert not results.broken
 
 
+@pytest.mark.few("when1")
 @pytest.mark.parametrize("when", [{"T": {"above": 400}}, {"t": {"above": 100}}])
 def test_a_run_ends_when_it_must(tmp_path, when):
     results = ran(tmp_path, heated({}, STOP, when))

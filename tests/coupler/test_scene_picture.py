@@ -98,6 +98,7 @@ def test_a_picture_of_no_known_kind_is_refused(tmp_path):
         write_scene(load_scenario(BLOCKS), tmp_path / "nowhere" / "scene.png")
 
 
+@pytest.mark.few(".svg")
 @pytest.mark.parametrize("kind", [".png", ".svg", ".pdf"])
 def test_pictures_are_written(tmp_path, kind):
     written = write_scene(load_scenario(BLOCKS), tmp_path / f"scene{kind}")

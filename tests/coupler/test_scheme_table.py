@@ -119,6 +119,9 @@ def order(problem: str, scheme: CouplingScheme, level: Seen) -> float:
     return math.log2(errors[0] / errors[1])
 
 
+@pytest.mark.few(
+    "staggered-middle-heat", "extrapolated-middle-geometry", "extrapolated-middle-heat", "mechanical_first-middle-heat",
+    "parallel-middle-temperature", "iterated-middle-temperature", "iterated-end-geometry", "adiabatic-middle-heat")
 @pytest.mark.parametrize("quantity", ["geometry", "temperature", "heat"])
 @pytest.mark.parametrize(("scheme", "level"), ROWS)
 def test_each_quantity_is_of_the_order_that_the_table_tells(scheme, level, quantity):

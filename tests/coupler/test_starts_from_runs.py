@@ -81,6 +81,7 @@ def test_another_body_of_another_name(beside):
     assert "body rod starts from first.h5, body bar, at 20 s" in loaded(beside, doc).notes[0]
 
 
+@pytest.mark.few("other2", "other0")
 @pytest.mark.parametrize("other", [{"cells": [7, 3]}, {"cells": [13, 1], "triangles": True},
                                    {"cells": [5, 5], "grading": [3.0, 0.5]}])
 def test_a_linear_field_is_exact_on_any_mesh(tmp_path, other):

@@ -52,7 +52,7 @@ def pressures(story: Story) -> np.ndarray:
     return -story.t_N[-1, side.at]
 
 
-@pytest.mark.few("how0-True", "how1-False")
+@pytest.mark.few("how0-True")
 @pytest.mark.parametrize("exchange", [False, True])
 @pytest.mark.parametrize("how", [{"interference": DELTA}, {"drawn": DELTA}])
 def test_a_fit_of_unlike_edges_is_broken_and_told_what_mends_it(how: dict[str, float], exchange: bool) -> None:

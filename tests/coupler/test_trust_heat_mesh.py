@@ -46,6 +46,9 @@ def check_of(rows):
     return next((c for c in rows if c.name == heat_mesh.NAME), None)
 
 
+@pytest.mark.few(
+    "[10, 2]-temperature: 800-2-1-broken", "[100, 2]-temperature: 800-2-0.1-holds",
+    "[10, 2]-temperature: 800-60-2-holds")
 @pytest.mark.parametrize(("cells", "how", "end", "size", "verdict"), [
     ("[10, 2]", SHOCK, 2, 1, "broken"),  # takes in 30 % too much
     ("[10, 2]", SHOCK, 8, 1, "noted"),  # 8 %

@@ -74,7 +74,7 @@ def test_data_that_move_along_or_are_the_same_everywhere_have_no_row(tmp_path):
     assert row(strip(tmp_path, 3, {"Q_T": {"terms": [{"t": 2e9, "x": COIL}]}}, speed=0.0)) is None
 
 
-@pytest.mark.few("condition0", "condition3")
+@pytest.mark.few("condition3")
 @pytest.mark.parametrize("condition", [
     {"flux": {"terms": [{"t": 1e6, "x": COIL}]}},
     {"convection": {"h": {"terms": [{"t": 500, "x": COIL}]}, "T": 800}},

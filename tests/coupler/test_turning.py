@@ -46,7 +46,7 @@ def turned(x: np.ndarray, angle: float) -> np.ndarray:
 
 
 # Each scheme by both angles and in 1, 3 and 9 windows.
-@pytest.mark.few("-3.0-3-extrapolated", "-3.0-3-iterated")
+@pytest.mark.few("-3.0-3-extrapolated")
 @pytest.mark.parametrize(("angle", "windows", "scheme"), [
     (angle, windows, scheme) for i, scheme in enumerate(("staggered", "extrapolated", "mechanical_first", "iterated"))
     for k, angle in enumerate((0.5 * np.pi, -3.0)) for w, windows in enumerate((1, 3, 9))

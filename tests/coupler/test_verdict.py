@@ -68,6 +68,7 @@ def test_runs_differ_from_the_first_time_on_and_there(runs):
     assert "allowed" in told
 
 
+@pytest.mark.few("pressure-3e-05-True", "upper.bottom.centre-3e-06-False")
 @pytest.mark.parametrize(("share", "differs"), [(3e-6, False), (3e-5, True)])
 @pytest.mark.parametrize("name", ["pressure", "upper.bottom.centre"])
 def test_what_is_held_is_solved_for_to_a_part_of_what_it_is(tmp_path, name, share, differs):
@@ -88,6 +89,7 @@ def test_what_is_held_is_solved_for_to_a_part_of_what_it_is(tmp_path, name, shar
     assert (judged.first is not None) is differs
 
 
+@pytest.mark.few("T=2.9K-True", "lower.top.left=3.1K-False")
 @pytest.mark.parametrize(("within", "differs"), [("T=3.1K", False), ("T=2.9K", True), (f"{NAME}=3.1K", False),
                                                  ("T=0.001%", True)])
 def test_what_was_asked_for_is_what_is_allowed(runs, within, differs):

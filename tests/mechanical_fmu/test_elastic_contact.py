@@ -51,6 +51,7 @@ def squeezed(d, eps_N, L=1.0):
     return pressure(s2)
 
 
+@pytest.mark.few("0.02-24-31", "1e-05-6-8")
 @pytest.mark.parametrize(("lower", "upper"), [(4, 4), (6, 8), (24, 31)])
 @pytest.mark.parametrize("d", [1e-5, 2e-2])
 def test_two_blocks_squeezed_by_d_press_as_the_closed_form_says(link, lower, upper, d):

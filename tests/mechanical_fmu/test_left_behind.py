@@ -53,6 +53,7 @@ def test_a_block_stays_where_a_ram_left_it(enforcement, steps):
     assert then == pytest.approx(there, rel=1e-9)
 
 
+@pytest.mark.few("semi_smooth-3", "uzawa-1")
 @pytest.mark.parametrize("steps", [1, 3])
 @pytest.mark.parametrize("enforcement", METHODS)
 def test_a_block_stays_where_a_warm_one_left_it_when_that_cools(enforcement, steps):

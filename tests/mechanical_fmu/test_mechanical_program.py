@@ -72,6 +72,7 @@ def closed_form(E):
     return float((LENGTHS * (1 + NU) / (1 - NU) * ALPHA * WARMER).sum() / (LENGTHS / M).sum())
 
 
+@pytest.mark.few("force-0.4", "displacement-2.5")
 @pytest.mark.parametrize(("takes", "stiff"), [("force", 1.0), ("displacement", 1.0), ("force", 0.4),
                                               ("displacement", 2.5)])
 def test_a_press_fit_has_the_pressure_of_the_programs_own_law(takes, stiff, tmp_path, monkeypatch):

@@ -150,6 +150,7 @@ def pressed(windows, angle=QUARTER, mu=0.0, augmented=None, upper=None):
     return told
 
 
+@pytest.mark.few("1.5707963267948966-3-uzawa", "-3.141592653589793-9-semi_smooth", "1.5707963267948966-9-None")
 @pytest.mark.parametrize("augmented", [None, "uzawa", "semi_smooth"])
 @pytest.mark.parametrize("windows", [1, 3, 9])
 @pytest.mark.parametrize("angle", [QUARTER, -np.pi])

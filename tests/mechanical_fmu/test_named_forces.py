@@ -109,7 +109,7 @@ def test_pressed_blocks_pass_the_force_on():
     assert force(out, "ram")[1] < -1e5
 
 
-@pytest.mark.few("dynamics1", "dynamics3")
+@pytest.mark.few("dynamics1")
 @pytest.mark.fast
 @pytest.mark.parametrize("dynamics", [{}, {"rho_inf": 0.8}, {"rho_inf": 0.5}, {"alpha": -0.1}])
 def test_reactions_and_inertia_add_up_over_time(dynamics):

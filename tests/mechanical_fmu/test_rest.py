@@ -50,6 +50,9 @@ SCENES = {"upper on finer": (4, 3, "upper"), "lower on coarser": (4, 3, "lower")
           "unlike": (9, 5, "upper"), "unlike, the other slave": (9, 5, "lower")}
 
 
+@pytest.mark.few(
+    "unlike, the other slave-uzawa-nodes", "like-uzawa-two passes", "upper on finer-uzawa-two passes",
+    "unlike-uzawa-edges")
 @pytest.mark.parametrize("form", ["edges", "nodes", "two passes"])
 @pytest.mark.parametrize("enforced", ENFORCED)
 @pytest.mark.parametrize("scene", SCENES.values(), ids=SCENES)

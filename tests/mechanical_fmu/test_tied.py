@@ -85,6 +85,7 @@ SMALL = 1e-3 * np.array([[1.0, 0.4], [-0.2, 2.0]])
 LARGE = np.array([[1.1, 0.2], [0.05, 0.8]])
 
 
+@pytest.mark.few("plane_strain-even-0.0-3 on 4", "plane_stress-graded-0.7-7 on 5", "plane_stress-even-0.0-3 on 4")
 @pytest.mark.parametrize("name", MESHES)
 @pytest.mark.parametrize("angle", [0.0, 0.7])
 @pytest.mark.parametrize("shape", ["even", "graded"])

@@ -40,6 +40,7 @@ def violations(law: Invariant, scene: Scene, story: Story) -> list[str]:
     return [f.what for f in law.check(scene, story, np.random.default_rng(1))]
 
 
+@pytest.mark.few("flat-roles: slave and master", "heat-roles: heat across even gaps")
 @pytest.mark.parametrize("law", LAWS)
 @pytest.mark.parametrize("name", ["flat", *(pytest.param(n, marks=pytest.mark.slow) for n in ("pressed", "disc")),
                                   "heat"])

@@ -53,6 +53,7 @@ def test_a_plate_stays_within_its_data_in_windows_of_any_length():
         assert not MAXIMUM.check(scene, story, np.random.default_rng(seed))
 
 
+@pytest.mark.few("maximum principle")
 @pytest.mark.parametrize("law", [WITHIN, MAXIMUM], ids=str)
 def test_both_laws_find_a_film_that_aims_too_high(law, monkeypatch):
     right = thermal_fmu.boundary.film_flow

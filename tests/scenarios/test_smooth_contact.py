@@ -44,7 +44,7 @@ def pressures(scene: Scene) -> np.ndarray:
     return -story.t_N[-1][story.interface.pair_sides[0].at]
 
 
-@pytest.mark.few("16-20-drawn", "8-10-stated")
+@pytest.mark.few("8-10-stated")
 @pytest.mark.parametrize("stated", [False, True], ids=["drawn", "stated"])
 @pytest.mark.parametrize(("inner", "outer"), [(16, 20), (20, 16), (8, 10)])
 def test_a_fit_of_unlike_meshes_is_even(inner: int, outer: int, stated: bool) -> None:
@@ -63,6 +63,7 @@ def test_a_smooth_fit_is_the_same_in_any_frame() -> None:
     np.testing.assert_allclose(pressures(turned(scene, 90.0).scene), pressures(scene), rtol=1e-8)
 
 
+@pytest.mark.few("two passes")
 @pytest.mark.parametrize("face", [{"augmented": None, "penalty": 1e15}, {"two_pass": True},
                                   {"augmented": {"method": "uzawa"}}], ids=["penalty", "two passes", "uzawa"])
 def test_however_it_is_enforced(face: dict) -> None:

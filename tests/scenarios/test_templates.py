@@ -18,6 +18,7 @@ def test_every_template_has_its_short_end():
     assert set(templates()) == set(SHORT)
 
 
+@pytest.mark.few("casting", "friction", "lumped")
 @pytest.mark.parametrize("name", sorted(SHORT))
 def test_a_template_runs_as_it_is_written(name: str, tmp_path: Path) -> None:
     out = tmp_path / "mine.yaml"

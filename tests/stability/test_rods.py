@@ -81,6 +81,7 @@ def test_the_lagged_gap_is_stable_up_to_where_theory_puts_it(method):
     assert limit(case, Scheme.STAGGERED, E3C["limit"][method]) == pytest.approx(E3C["limit"][method], rel=0.02)
 
 
+@pytest.mark.few("1-sdirk2", "100-backward_euler")
 @pytest.mark.parametrize("method", ["backward_euler", "sdirk2"])
 @pytest.mark.parametrize("dt", E3C["dt"])
 def test_large_windows_come_to_rest_without_a_cycle(method, dt):

@@ -68,7 +68,7 @@ def course(half, steps=4, h=0.5, moved=1e-4):
     return np.array(found), out
 
 
-@pytest.mark.few("midpoint", "backward_euler")
+@pytest.mark.few("midpoint")
 @pytest.mark.parametrize("method", ["midpoint", "sdirk2", "backward_euler"])
 def test_it_gives_the_temperatures_of_the_half_it_is_put_into(method, tmp_path, monkeypatch):
     own, given = pair_of_halves(tmp_path, monkeypatch, Quads(), **{"thermal.method": method})

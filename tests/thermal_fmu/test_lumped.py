@@ -70,6 +70,7 @@ def test_free_convection() -> None:
     assert pytest.approx(case["dT"], abs=0.01) == T - 300.0
 
 
+@pytest.mark.few("sdirk2-2", "theta-1")
 @pytest.mark.parametrize(("method", "wanted"), [("midpoint", 2), ("sdirk2", 2), ("backward_euler", 1),
                                                 ("theta", 1)])
 def test_order(method: str, wanted: int) -> None:

@@ -58,6 +58,7 @@ def half_space(how, t):
 
 # Against what is known.
 
+@pytest.mark.few("T-0.1", "flux-5.0", "Bi=100-0.1", "Bi=1-5.0", "Bi=0.1-5.0")
 @pytest.mark.parametrize("t", [0.1, *(pytest.param(t, marks=pytest.mark.slow) for t in (0.3, 1.0)), 5.0])
 @pytest.mark.parametrize("how", [hot(), FLUX, film(100.0), film(10.0), film(1.0), film(0.1)],
                          ids=["T", "flux", "Bi=100", "Bi=10", "Bi=1", "Bi=0.1"])

@@ -81,6 +81,7 @@ def test_a_linear_field_gives_the_exact_heat():
     assert told["cold"][0] == pytest.approx(-60.0, rel=1e-11)
 
 
+@pytest.mark.few("sdirk2", "backward_euler")
 @pytest.mark.fast
 @pytest.mark.parametrize("method", ["midpoint", "sdirk2", "backward_euler", "theta"])
 def test_the_conditions_add_up_to_the_stored_heat(method):

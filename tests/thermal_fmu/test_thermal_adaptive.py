@@ -74,6 +74,7 @@ def honesty(method, h, damped=False):
     return estimate / float(np.abs(exact - done.s).max())
 
 
+@pytest.mark.few("midpoint-0.05", "backward_euler-0.05")
 @pytest.mark.parametrize("h", [pytest.param(0.2, marks=pytest.mark.slow), 0.05,
                                pytest.param(0.0125, marks=pytest.mark.slow)])
 @pytest.mark.parametrize("name", ["midpoint", "sdirk2", "backward_euler", "theta"])
@@ -83,6 +84,7 @@ def test_the_estimate_is_honest(name, h):
     assert 1 / 1.8 < honesty(method, h) < 1.8
 
 
+@pytest.mark.few("0.05")
 @pytest.mark.parametrize("h", [0.2, 0.05])
 def test_the_estimate_of_a_damped_step_is_honest(h):
     assert 1 / 1.8 < honesty(METHODS["midpoint"], h, damped=True) < 1.8

@@ -112,6 +112,7 @@ def lateral(h: float, a: int, b: int) -> float:
     return float(np.abs(ran.T[-1] - exact)[surface].max())
 
 
+@pytest.mark.few("cells0-1.0", "cells1-100.0", "cells2-10000.0")
 @pytest.mark.parametrize("h", [1.0, 100.0, 1e4])
 @pytest.mark.parametrize("cells", [(8, 8), (8, 11), (11, 8)])
 def test_the_order_in_space_along_a_contact_is_two(cells: tuple[int, int], h: float) -> None:

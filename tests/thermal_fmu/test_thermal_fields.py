@@ -104,6 +104,7 @@ def lumped(boundary=(), Q_T=0.0, Q_T_factor=None, T0=300.0):
     return (4.0 * fine - coarse) / 3.0
 
 
+@pytest.mark.few("field")
 @pytest.mark.parametrize("Q_T", [2e5, poly((4e5, [0.0, 1.0], None))], ids=["uniform", "field"])
 def test_a_source_that_grows_with_temperature(Q_T):
     """1000 dT/dt = Q (1 + .01 (T - 300)): an exponential."""

@@ -15,7 +15,7 @@ from thermal_scenes import Box, run, scene, spec
 from contact.half.interface import Pair
 
 
-@pytest.mark.few("0.0-100000.0", "1000.0-100000000.0")
+@pytest.mark.few("1000.0-100000000.0")
 @pytest.mark.parametrize("h", [1e2, 1e5, 1e8])
 @pytest.mark.parametrize("level", [0.0, 1000.0])
 def test_contact_that_conducts_much_loses_nothing(level: float, h: float) -> None:
@@ -30,7 +30,7 @@ def test_contact_that_conducts_much_loses_nothing(level: float, h: float) -> Non
     assert ran.imbalance() < 1e-10
 
 
-@pytest.mark.few("midpoint", "backward_euler")
+@pytest.mark.few("midpoint")
 @pytest.mark.parametrize("method", ["midpoint", "sdirk2", "backward_euler"])
 def test_a17_far_above_zero_loses_nothing(method: str) -> None:
     """A17 at 273.15 K: round-off of T is a 1e-10 of a step's heat, and 4e-10 of a run's was left of what lay below it.

@@ -55,7 +55,7 @@ def stays(ran: Ran, low: float = 0.0, high: float = 1.0) -> None:
     assert ran.imbalance() < 1e-10
 
 
-@pytest.mark.few("0-axisymmetric-midpoint", "1-plane-sdirk2")
+@pytest.mark.few("0-axisymmetric-midpoint")
 @pytest.mark.parametrize("method", ["backward_euler", "midpoint", "sdirk2"])
 @pytest.mark.parametrize("geometry", ["plane", "axisymmetric"])
 @pytest.mark.parametrize("seed", range(4))

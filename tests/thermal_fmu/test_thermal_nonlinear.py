@@ -61,6 +61,7 @@ def test_a17_flux_into_a_medium_that_stiffens():
     assert ran.imbalance() < EXPECTED["A16"]["tolerance"]
 
 
+@pytest.mark.few("plane-sdirk2-peaked", "axisymmetric-midpoint-quadratic", "axisymmetric-sdirk2-constant")
 @pytest.mark.parametrize("c", [500.0, QUADRATIC, PEAK], ids=["constant", "quadratic", "peaked"])
 @pytest.mark.parametrize("method", ["midpoint", "sdirk2", "backward_euler"])
 @pytest.mark.parametrize("geometry", ["plane", "axisymmetric"])

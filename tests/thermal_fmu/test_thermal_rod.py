@@ -80,6 +80,7 @@ def same(interface: Interface, spec: dict[str, Any], n: int = 12, within: float 
 
 
 # Both integrate with two Gauss points along x; the tolerance is that of Newton's method, 1e-11 of the heat a step.
+@pytest.mark.few("tables-sdirk2", "constant-midpoint", "tables-backward_euler")
 @pytest.mark.parametrize("method", ["midpoint", "sdirk2", "backward_euler"])
 @pytest.mark.parametrize("material", [METAL, CURVED], ids=["constant", "tables"])
 def test_it_is_the_plane_half_on_one_row(method: str, material: dict[str, Any]) -> None:
@@ -95,6 +96,7 @@ def test_around_an_axis() -> None:
     same(two(geometry="axisymmetric"), model(CURVED))
 
 
+@pytest.mark.few("mush")
 @pytest.mark.parametrize("T_s", [931.0, 933.0], ids=["mush", "point"])
 def test_a_melting_rod(T_s: float) -> None:
     """Here the stages stop where 1e-11 of the heat is missing, and the steps of Newton's method differ in round-off."""

@@ -46,6 +46,7 @@ def begun(half, mesh):
     return half.start(inputs_of(mesh, half), 0.0, FlatContact())[0]
 
 
+@pytest.mark.few("k(T)")
 @pytest.mark.parametrize("k", [30.0, {"polynomial": [20.0, 0.02]}], ids=["linear", "k(T)"])
 def test_old_factors_serve_and_change_nothing_that_matters(monkeypatch, k):
     """30 substeps on a few factors, equal to 1e-8 K to those with new ones every time; each heat balance closes."""
@@ -117,6 +118,7 @@ def test_solves_about_an_anchor_add_up_until_responses_pay():
     assert after == last, "with W nothing is to be spared any more"
 
 
+@pytest.mark.few("pardiso-1.01", "superlu-1.0")
 @pytest.mark.parametrize("growth", [1.01, 1.0])
 @pytest.mark.parametrize("choice", ["superlu", "pardiso"])
 def test_hot_and_cold_caches_give_the_same_bits(monkeypatch, choice, growth):

@@ -55,6 +55,7 @@ def test_a2_step_of_the_face_does_not_ring(method):
     assert beside.min() > 0
 
 
+@pytest.mark.few("0.1-sdirk2", "0.02-midpoint", "0.005-backward_euler")
 @pytest.mark.parametrize("method", ["midpoint", "sdirk2", "backward_euler"])
 @pytest.mark.parametrize("dt", [0.1, 0.02, 0.005])
 def test_a2_large_steps_do_not_ring_either(method, dt):
@@ -115,6 +116,7 @@ def _mode_error(bar, model, rate, dt, k):
     return float(np.abs(state.s - np.exp(-rate * 0.1) * mode).max())
 
 
+@pytest.mark.few("midpoint-0.0002", "sdirk2-0.0001")
 @pytest.mark.parametrize(("method", "cap"), [("midpoint", 2e-4), ("sdirk2", 1e-4), ("backward_euler", 1.2e-2)])
 def test_a12_order_in_time(method, cap):
     case = EXPECTED["A12"]
@@ -191,6 +193,7 @@ def test_a20_constant_flux_into_a_half_space():
     assert abs(at(run(bar, model, 0.25, 120), 30.0, 0.025, bar) - EXPECTED["A20"]["expected"]) < 0.05
 
 
+@pytest.mark.few("0.0-sdirk2", "1e-13-midpoint", "-1e-13-backward_euler")
 @pytest.mark.parametrize("method", ["midpoint", "sdirk2", "backward_euler"])
 @pytest.mark.parametrize("off", [0.0, 1e-13, -1e-13])
 def test_a_jump_inside_the_half_is_damped_without_being_told(method, off):
