@@ -84,7 +84,7 @@ def test_few_leaves_the_other_cases_to_slow():
 
 
 def test_fast_runs_the_files_of_the_list_alone():
-    folder = TESTS / "coupler"
+    folder = TESTS / "stability"  # the fewest of all
     command = [sys.executable, "-m", "pytest", "-q", "-n", "0", "--collect-only", "-m", "fast", str(folder)]
     done = subprocess.run(command, cwd=TESTS.parent, capture_output=True, text=True, check=False)
     files = {(TESTS.parent / line.partition("::")[0]).resolve() for line in done.stdout.splitlines() if "::" in line}

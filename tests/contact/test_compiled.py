@@ -75,7 +75,7 @@ def test_processes_that_need_a_function_at_once_compile_it_once(tmp_path):
     (tmp_path / "p").mkdir()
     (tmp_path / "p/use.py").write_text(
         "import numpy as np\nfrom contact.compiled import kernel\n\n\n@kernel\ndef total(x):\n"
-        "    return np.sort(x)[1:].sum()\n\n\nprint('ready', flush=True)\ninput()\n"
+        "    return x[1:].sum()\n\n\nprint('ready', flush=True)\ninput()\n"
         "print(total(np.array([3.0, 1.0, 2.0])), sum(total.stats.cache_misses.values()))\n", encoding="utf-8")
     env = {**os.environ, "PYTHONPATH": f"{tmp_path}{os.pathsep}{ROOT}", "NUMBA_CACHE_DIR": str(tmp_path / "numba")}
     three = [subprocess.Popen([sys.executable, "-c", "import p.use"], env=env, cwd=tmp_path, stdin=subprocess.PIPE,
@@ -85,7 +85,7 @@ def test_processes_that_need_a_function_at_once_compile_it_once(tmp_path):
         process.stdin.write("\n")
         process.stdin.flush()
     said = [process.communicate()[0].split() for process in three]
-    assert sorted(said) == [["5.0", "0"], ["5.0", "0"], ["5.0", "1"]]
+    assert sorted(said) == [["3.0", "0"], ["3.0", "0"], ["3.0", "1"]]
 
 
 @inner

@@ -112,6 +112,7 @@ print(json.dumps([float(before["time"]), float(before["time.start"]), before["T"
     assert out == [5.0, 5.0, 4, 5.5]
 
 
+@pytest.mark.slow
 def test_the_same_content_gives_the_same_file(fmu: Path, scalars: Path, tmp_path: Path) -> None:
     assert build(tmp_path / "again", fmi=3).read_bytes() == fmu.read_bytes() != scalars.read_bytes()
 

@@ -102,6 +102,7 @@ def test_iterated_is_second_order_with_the_midpoint_rule(substeps):
     assert errors[1] < 1e-5
 
 
+@pytest.mark.slow
 def test_two_masses_explicit_first_order_iterated_second():
     def error(n: int, scheme: Scheme) -> float:
         halves = mass("one", 1.0, "x", T_OUT), mass("two", 0.0, "T", X_OUT)

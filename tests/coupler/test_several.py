@@ -76,7 +76,7 @@ def test_several_halves_are_one(file: Path, alone, tmp_path: Path, halves, schem
 @pytest.mark.few("steady")
 @pytest.mark.parametrize("method", ["backward_euler", "sdirk2", "steady"])
 def test_with_every_method_in_time(file: Path, tmp_path: Path, method: str) -> None:
-    changes = {"thermal.method": method, "coupling.end": 60, "coupling.windows": [{"until": 60, "size": 10}]}
+    changes = {"thermal.method": method, "coupling.end": 20, "coupling.windows": [{"until": 20, "size": 10}]}
     one = ran(file, tmp_path / "one.h5", changes)
     same(one, ran(file, tmp_path / "several.h5", changes | {"thermal.halves": THREE}), 1e4)
 
@@ -103,6 +103,7 @@ def test_rods_of_which_one_melts(tmp_path: Path) -> None:
     assert several.probe("rod.solid")[1][-1] == pytest.approx(one.probe("rod.solid")[1][-1], abs=1e-9)
 
 
+@pytest.mark.slow
 def test_whole_bodies_of_one_temperature(tmp_path: Path) -> None:
     changes = {"thermal.boundary": [{"on": "body.left", "convection": {"h": 5000, "T": 933}}]}
     halves = {"metal": {"bodies": ["body"]}, "wall": {"bodies": ["wall"]}}

@@ -54,7 +54,7 @@ def test_a_jump_into_a_body_is_found_too():
     assert not passing(story)
 
 
-@pytest.mark.few("-0.05")
+@pytest.mark.slow
 @pytest.mark.parametrize("way", [-0.05, -0.06])
 def test_what_no_step_is_small_enough_for_is_refused_by_name(way):
     """50 or 60 mm of the 41 mm there are: crushed so far, either a node goes in unseen or there is no equilibrium."""

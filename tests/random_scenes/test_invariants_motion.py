@@ -92,6 +92,7 @@ def story_of(mu: float, scheme: str = "staggered") -> Story:
     return story
 
 
+@pytest.mark.slow
 def test_a_scene_feels_nothing_of_a_turn() -> None:
     story = story_of(0.0)
     assert TURNING.applies(story.scene)

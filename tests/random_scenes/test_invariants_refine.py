@@ -95,6 +95,7 @@ def test_nothing_is_asked_of_layers_that_no_mesh_sees(monkeypatch):
     assert found(refine_laws.check_settles, scene) == []
 
 
+@pytest.mark.slow
 def test_heat_that_grows_with_every_window_and_cell_is_found(monkeypatch):
     right = sweep.share_of
 

@@ -224,6 +224,7 @@ finally:
 """
 
 
+@pytest.mark.slow
 def test_its_fmu_is_valid_and_runs(tmp_path):
     """Built by its own command, loaded by the coupler's importer in a fresh process, stepped, put back, stepped."""
     mesh, model = blocks()

@@ -82,7 +82,7 @@ def test_nothing_creeps_out_over_many_steps() -> None:
     stays(stepped(blocks(2, ((4, 3), (5, 3))), skewed(0.7, 30.0), 1e-4, 400, 1e3))
 
 
-@pytest.mark.few("6-backward_euler-6.1e-05-k1-1.5")
+@pytest.mark.slow
 @pytest.mark.parametrize(("seed", "method", "dt", "k", "h"), [
     (13, "backward_euler", 1.7e-4, skewed(2.8, 11.0), 0.24), (6, "backward_euler", 6.1e-5, skewed(0.0086, 4.1), 1.5),
     (18, "midpoint", 1.6e-4, skewed(0.86, 25.0), 85.0), (4, "sdirk2", 3.1e-5, skewed(0.19, 17.0), 4.6)])
@@ -95,7 +95,7 @@ def test_what_a_step_leaves_is_left_once(seed: int, method: str, dt: float, k: A
 COOLING = {"t": [0.0, 0.4, 0.5], "value": [0.0, 1.0, 0.5]}  # in parts of a run
 
 
-@pytest.mark.few("sdirk2-0.0027-k2-150.0")
+@pytest.mark.slow
 @pytest.mark.parametrize(("method", "dt", "k", "h"), [
     ("midpoint", 5.8e-3, skewed(0.5, 304.0), 7e3), ("midpoint", 5.6e-3, skewed(1.0, 41.0), 2.8e3),
     ("sdirk2", 2.7e-3, skewed(2.0, 144.0), 150.0), ("backward_euler", 7e-4, skewed(2.5, 157.0), 210.0)])
