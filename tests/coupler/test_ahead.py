@@ -124,6 +124,7 @@ def test_names_of_states_are_taken_once():
     assert len(hosted.half.kept) == 1
 
 
+@pytest.mark.slow
 def test_round_trips_of_a_run_are_its_steps_and_reads(tmp_path, monkeypatch):
     """Of casting_1d no message goes for states alone: steps, and the reads of its record."""
     asked = []

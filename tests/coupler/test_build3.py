@@ -37,7 +37,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def test_a_run_with_arrays_is_the_run_with_scalars(folder: Path) -> None:
     ours = run(load_scenario(folder / "s.yaml", overrides=SHORT), out=folder / "2.h5")
     paths = {f"{role}.half": f"fmus/{role}.fmu" for role in ("thermal", "mechanical")}
-    arrays = run(load_scenario(folder / "s.yaml", overrides=SHORT | paths), out=folder / "3.h5")
+    arrays = run(load_scenario(folder / "s.yaml", overrides=SHORT | paths), out=folder / "3.h5", verify="never")
     assert (ours.outcome, arrays.outcome) == ("completed", "completed")
     assert np.ptp(ours.probe("hot.top")[1]) > 1.0
     for name in ("hot.top", "cold.bottom", "interface.p"):

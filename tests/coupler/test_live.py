@@ -54,15 +54,16 @@ def page(browser: Browser, ran: Results) -> Browser:
 
 
 @needs_browser
-def test_the_page_is_quiet_and_fits_every_width(browser: Browser, ran: Results) -> None:
-    for width in (390, 800, 1280, 2200):
-        for dark in (False, True):
-            browser.resize(width, 900, dark)
-            browser.open(ran.path.with_suffix(".html"))
-            assert browser.troubles == []
-            assert browser.value("document.documentElement.scrollWidth") <= width
-            assert browser.value("getComputedStyle(document.body).backgroundColor") == (
-                "rgb(18, 22, 27)" if dark else "rgb(255, 255, 255)")
+@pytest.mark.few("390-True", "1280-False")
+@pytest.mark.parametrize("dark", [False, True])
+@pytest.mark.parametrize("width", [390, 800, 1280, 2200])
+def test_the_page_is_quiet_and_fits_every_width(width: int, dark: bool, browser: Browser, ran: Results) -> None:
+    browser.resize(width, 900, dark)
+    browser.open(ran.path.with_suffix(".html"))
+    assert browser.troubles == []
+    assert browser.value("document.documentElement.scrollWidth") <= width
+    assert browser.value("getComputedStyle(document.body).backgroundColor") == (
+        "rgb(18, 22, 27)" if dark else "rgb(255, 255, 255)")
 
 
 @needs_browser

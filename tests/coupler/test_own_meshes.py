@@ -52,6 +52,7 @@ def other(file: Path, tmp_path_factory: pytest.TempPathFactory) -> Results:
 
 # Laws.
 
+@pytest.mark.slow
 def test_like_meshes_are_one_run_to_the_bit(file: Path, tmp_path: Path) -> None:
     one, same = (ran(file, tmp_path / f"{name}.h5", SHORT | changes) for name, changes in (
         ("one", {}), ("same", {"thermal.meshes": SCENE})))

@@ -134,6 +134,7 @@ def test_a_run_tells_where_the_time_of_each_window_went(results):
     assert np.bincount(results.calls.window).tolist() == timings.calls.tolist()
 
 
+@pytest.mark.few("embedded")
 def test_the_trace_has_every_call_in_its_window(results, tmp_path):
     out = tmp_path / "t.json"
     said = CliRunner().invoke(app, ["trace", str(results.path), "--out", str(out)])
