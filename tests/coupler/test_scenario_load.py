@@ -175,3 +175,12 @@ def test_bodies_that_start_deep_inside_each_other_are_told(origin, told):
     notes = load_scenario(ROOT / "scenarios/sliding_blocks.yaml", {
         "bodies.upper.mesh.rectangle.origin": [0, origin]}).notes
     assert any("start inside lower" in n for n in notes) == told
+
+
+
+def test_a_block_that_touches_with_one_side_is_not_told_to_be_inside():
+    """Of a pair of another side the nodes that it rests on are far, and on its outline."""
+    notes = load_scenario(ROOT / "scenarios/sliding_blocks.yaml", {
+        "bodies.upper.mesh.rectangle.origin": [0, 0.0762],
+        "contact.side": {"slave": "upper.right", "master": "lower.top", "gap_max": 0.001}}).notes
+    assert not any("start inside" in n for n in notes)
