@@ -2,5 +2,11 @@
 
 from contact.half import build_main
 
-if __name__ == "__main__":
+
+def main() -> None:
+    """Build the FMU named on the command line."""
     build_main("toy_half", "toy_half.model:load")
+
+
+if __name__ == "__main__":
+    main()
