@@ -80,6 +80,7 @@ def test_it_has_the_bits_of_fmi_2(fmu: Path, scalars: Path) -> None:
     assert first == second
 
 
+@pytest.mark.slow
 def test_a_discard_and_a_failure_are_told(fmu: Path) -> None:
     """The same words as through FMI 2.0: what leaves a method as an exception would crash the host."""
     out = json.loads(fresh(BEGIN + """

@@ -36,6 +36,7 @@ def inside(fmu: Path, name: str) -> str:
         return archive.read(name).decode()
 
 
+@pytest.mark.few("thermal")
 @pytest.mark.parametrize("role", ROLES)
 def test_the_description_says_times_version_and_license_and_is_valid(fmus: dict[str, Path], role: str) -> None:
     """heated_bars runs to 2000 s, from windows of 1 s."""

@@ -55,7 +55,7 @@ def test_they_say_what_a_master_needs(folder: Path, tmp_path: Path) -> None:
     assert {name: fields[name].block.on for name in ("T", "contact.t_N")} == {"T": "nodes", "contact.t_N": "pair_nodes"}
 
 
-@pytest.mark.few("mechanical")
+@pytest.mark.slow
 @pytest.mark.parametrize("role", ["thermal", "mechanical"])
 def test_verify_half_finds_nothing(role: str, folder: Path, tmp_path: Path) -> None:
     scenario = load_scenario(folder / "s.yaml")

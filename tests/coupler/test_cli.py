@@ -159,7 +159,7 @@ def test_a_process_ends_with_the_code_too(tmp_path):
     assert not list(tmp_path.iterdir())
 
 
-@pytest.mark.few("how1")
+@pytest.mark.slow
 @pytest.mark.parametrize("how", [(), ("--processes",)])
 def test_ctrl_c_leaves_a_readable_file_and_no_process(tmp_path, how):
     out = tmp_path / "run.h5"

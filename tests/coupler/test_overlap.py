@@ -165,7 +165,7 @@ def course(fmu: Path, kill=lambda p, k: None, **options) -> bytes:
     return b"".join(bits)
 
 
-@pytest.mark.few("mechanical")
+@pytest.mark.slow
 @pytest.mark.parametrize("victims", [("contact",), ("thermal",), ("mechanical",), ("thermal", "mechanical"), ROLES],
                          ids="+".join)
 def test_who_died_while_all_were_at_work_is_started_anew_and_nothing_else_happened(fmu, victims):

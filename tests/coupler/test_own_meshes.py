@@ -84,6 +84,7 @@ def test_around_an_axis_it_is_the_run_of_that_mesh(file: Path, tmp_path: Path) -
     assert other.heat_imbalance < CLOSE
 
 
+@pytest.mark.slow
 def test_all_friction_heat_and_all_plastic_work_arrive(tmp_path: Path) -> None:
     """A block that yields and rubs on cells of its own size, its heat on others: what was made is what came."""
     text = (SCENARIOS / "rubbing_block.yaml").read_text()
@@ -201,6 +202,7 @@ def test_heat_of_elastic_blocks_follows_the_finer_mesh(tmp_path: Path) -> None:
 
 # Machinery.
 
+@pytest.mark.slow
 def test_a_run_that_stopped_goes_on_to_the_same_bits(file: Path, tmp_path: Path, other: Results) -> None:
     from coupler.running.run import Run
 

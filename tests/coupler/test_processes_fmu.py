@@ -58,7 +58,7 @@ def test_the_same_bits_in_one_process_and_in_three(fmu, tmp_path):
     assert (arrays["contact.t_N 1"] == 0.0).all()
 
 
-@pytest.mark.few("rigid")
+@pytest.mark.slow
 def test_a_half_that_loses_its_contact_service_ends_the_run_by_name(fmu):
     with pytest.raises(ServiceDownError, match=r"contact service: .*signal 9"), processes({"mechanical": fmu}) as p:
         lose_contact(p)

@@ -126,6 +126,7 @@ def rubbing(tmp_path_factory) -> Callable[..., Path]:
     return recorded
 
 
+@pytest.mark.slow
 def test_heat_of_friction_is_played_where_frames_tell_all_of_it(rubbing) -> None:
     """Every joule that was made arrives once, and the bar warms as it did."""
     path = rubbing()

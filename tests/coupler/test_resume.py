@@ -91,6 +91,7 @@ def test_cut_and_iterated_windows_resume_anywhere(tmp_path: Path) -> None:
     assert differences(whole, out) == []
 
 
+@pytest.mark.slow
 def test_what_a_user_changed_goes_along(tmp_path: Path) -> None:
     def changed(run: Run) -> None:
         for progress in run.windows():

@@ -89,6 +89,7 @@ def test_a_unit_mistaken_is_told_beside_errors(tmp_path: Path, wrong: dict[str, 
 OWN = [*shipped_scenarios().glob("*.yaml"), *(template.document.path for template in templates().values())]
 
 
+@pytest.mark.few("sliding_blocks", "aluminium_can", "casting_1d", "hot_upsetting", "brake_pad")
 @pytest.mark.parametrize("path", OWN, ids=lambda path: path.stem)
 def test_our_own_scenes_are_usual(path: Path) -> None:
     told = ("no engineering material", " m long", " m from the origin", "for degrees Celsius")

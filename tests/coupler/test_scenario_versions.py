@@ -91,6 +91,7 @@ def test_what_keys_make_together_is_told_at_once_too(tmp_path: Path) -> None:
         "coupling.windows.1.until", "probes.face.left.T", "output.fields.at.0"]
 
 
+@pytest.mark.few("sliding_blocks", "aluminium_can", "casting_1d", "hot_upsetting", "brake_pad")
 @pytest.mark.parametrize("path", SCENES, ids=lambda p: p.stem)
 def test_the_json_schema_takes_our_scenes(path: Path) -> None:
     jsonschema.Draft202012Validator(json_schema()).validate(document.read_document(path).tree)

@@ -143,6 +143,7 @@ def test_what_halves_are_apart_falls_with_the_tolerance(file: Path, alone, tmp_p
     assert off[0][0] > 1e-3
 
 
+@pytest.mark.slow
 def test_numbers_of_the_role_are_those_of_one_half(tmp_path: Path) -> None:
     probes = {n.replace(".", "_"): {f"thermal.{n}": "value"} for n in ("contact.touching", "max_dT", "heat_stored")}
     own = blocks(tmp_path, BLOCKS.replace("t: [0, 40, 80]", "t: [0, 4, 8]"))

@@ -59,6 +59,7 @@ def test_what_there_is_no_time_for_is_a_row_that_was_not_made(tmp_path: Path) ->
     assert all(found[check].verdict is CheckVerdict.NOT_APPLICABLE for check in left)
 
 
+@pytest.mark.slow
 def test_the_command_ends_with_1_where_a_half_ends_the_process_with_0(tmp_path: Path) -> None:
     done = CliRunner().invoke(app, ["verify-half", str(build(tmp_path / "half", ends="exit"))])
     assert done.exit_code == 1, done.output

@@ -105,6 +105,7 @@ def test_a_slider_that_swings_loses_what_coulomb_says():
     assert heat[-1] == pytest.approx(0.5 * MASS * v0**2, abs=0.5 * K * X_S**2)
 
 
+@pytest.mark.slow
 def test_on_a_belt_it_sticks_then_slips_and_heats_as_the_swing_says():
     """Carried at V up to x_s, then x = x_s + V/w sin w tau: heat mu N (V tau - V/w sin w tau)."""
     w = np.sqrt(K / MASS)

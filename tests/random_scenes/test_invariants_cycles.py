@@ -83,6 +83,7 @@ def test_cycles_of_every_period_are_seen_and_a_decay_is_not(period):
     assert period_of(300.0 + 100.0 * np.exp(-k[:, 0] / 40.0), 5.0) == 0
 
 
+@pytest.mark.few("60.0-True-False", "60.0-False-True")
 @pytest.mark.parametrize(("error", "lasting", "is_told"), [
     (0.0, False, False), (20.0, False, False), (60.0, False, True), (60.0, True, False)])
 def test_an_error_bar_tells_of_what_dies_out_within_it_alone(error, lasting, is_told):

@@ -40,7 +40,7 @@ def test_right_scenes_add_up_by_name(scene):
     assert not [f.what for f in NAMED.check(scene, story, RNG)]
 
 
-@pytest.mark.few("3003")
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", SEEDS)
 def test_drawn_scenes_add_up_by_name(seed):
     """Not one of the laws that are drawn: another one there would draw other laws for the seeds that are fixed."""

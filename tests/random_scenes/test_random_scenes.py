@@ -43,7 +43,7 @@ def test_what_a_scene_may_take_is_counted_and_not_clocked(monkeypatch):
     assert one.t.tolist() == other.t.tolist()
 
 
-@pytest.mark.few("99")
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", TIED)
 def test_ties_are_drawn(seed):
     """And what is tied carries: it pulls or presses somewhere at some time."""

@@ -94,7 +94,7 @@ def test_renumbered(original, monkeypatch, tmp_path):
     assert_same_times(original, solve(tmp_path, uneven(), "elastic"))
 
 
-@pytest.mark.few("rigid")
+@pytest.mark.slow
 @pytest.mark.parametrize("half", ["rigid", "elastic"])
 def test_what_the_schedule_has_as_a_kink_is_not_cut_again(half: str, tmp_path):
     """The scene as it is told: touch at 10000 s and, of rigid blocks, slip-off at 14772.7 s are kinks."""

@@ -20,7 +20,7 @@ LIMITS = [("E4", Scheme.STAGGERED, 2 / (B_LAG - A_LAG)), ("E4", Scheme.PARALLEL,
           ("E4 midpoint", Scheme.EXTRAPOLATED, 1 / B_LAG)]
 
 
-@pytest.mark.few("E4-Scheme.PARALLEL-5.12245741823332")
+@pytest.mark.slow
 @pytest.mark.parametrize(("name", "scheme", "predicted"), LIMITS)
 def test_of_the_lagged_gap(name, scheme, predicted):
     assert limit(CASES[name], scheme, predicted) == pytest.approx(predicted, rel=0.02)

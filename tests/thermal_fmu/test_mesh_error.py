@@ -116,6 +116,7 @@ def test_two_bodies_that_meet():
             assert 0.35 * true < number < 2.0 * true
 
 
+@pytest.mark.slow
 def test_a_front_that_freezes():
     """Aluminium of A9, 10 s: heat 18 % off on cells of 50 mm, below 1 % on cells of 2 mm."""
     case, span = EXPECTED["A9"], 940.0 - 293.15

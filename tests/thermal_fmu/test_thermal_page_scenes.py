@@ -15,6 +15,7 @@ from thermal_runs import drive, scenario
 HEATED = {"contact_t_N": -1e6}
 
 
+@pytest.mark.few("axes", "melting", "near", "friction", "prescribed")
 @pytest.mark.parametrize("name", scenes())
 def test_a_scene_takes_a_step(name: str) -> None:
     scene = scenario(name)

@@ -57,6 +57,7 @@ def test_a10_a_body_cools_by_radiation(T_inf, key):
     assert np.abs((4.0 * fine - coarse) / 3.0 - expected).max() < 4e-4
 
 
+@pytest.mark.slow
 def test_a11_free_convection():
     """q = 2 dT^(4/3): the exponent 1/3 of a film."""
     expected = np.array(EXPECTED["A11"]["dT"]) + 300.0
