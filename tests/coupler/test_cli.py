@@ -82,7 +82,7 @@ def test_a_name_that_list_tells_is_a_scenario(here):
 def test_check_tells_what_is_odd_though_no_error(here):
     done = here("check", BLOCKS, "--set", "bodies.upper.mesh.rectangle.origin=[0, 0.03]")
     assert done.returncode == 0, done.stderr
-    assert "note: pair interface: 25 of the nodes looked at on upper.bottom start inside lower" in done.stdout
+    assert "note: pair interface: 23 of the nodes looked at on upper.bottom start inside lower" in done.stdout
 
 
 def test_run_report_and_their_files(tmp_path):
