@@ -80,8 +80,8 @@ def test_the_cache_tells_its_size(tmp_path: Path, monkeypatch: pytest.MonkeyPatc
 
 
 def test_a_script_reads_a_run_and_hears_nothing_else(tmp_path: Path) -> None:
-    done = subprocess.run([sys.executable, "-m", "coupler.cli", "run", BARS, "-q", "--json", "-o", "run.h5"],
-                          cwd=tmp_path, capture_output=True, text=True, check=True)
+    done = subprocess.run([sys.executable, "-m", "coupler.cli", "run", BARS, "-q", "--json", "-o", "run.h5", "--set",
+                           "coupling.end=100"], cwd=tmp_path, capture_output=True, text=True, check=True)
     assert done.stderr == ""
     about, results = json.loads(done.stdout), Results(tmp_path / "run.h5")
     assert (about["outcome"], about["trusted"]) == ("completed", True)
