@@ -143,6 +143,14 @@ class Tried:
         return self.solved.taken
 
     @property
+    def forced(self) -> float:
+        """Its error in tolerances, of a window taken although that is too large; inf: although it did not converge."""
+        if not self.solved.anyway:
+            return 0.0
+        # fault: a window that did not converge counts as one a little off -> return 1.0 | coupler/test_trust
+        return self.error.error if self.error is not None and self.solved.verdict is Verdict.ERROR else math.inf
+
+    @property
     def acted(self) -> Acted:
         """What rules did at its end, of a window that stands."""
         late = {f.rule: f.passed for f in self.fired if f.passed is not None}

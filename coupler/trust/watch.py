@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Collection, Mapping
 from dataclasses import asdict, dataclass, field, replace
 from types import MappingProxyType
@@ -42,6 +43,8 @@ from coupler.trust.errors import Looked
 Array = NDArray[np.float64]
 
 BALANCE = (1e-9, 1e-6)  # of the heat moved: noted, broken
+# Errors of windows add up, and each may be one tolerance: what was taken above it may be this part of all of them.
+OVER = 0.1
 
 NOTHING: Mapping[str, float] = MappingProxyType({})
 
@@ -51,7 +54,7 @@ class TrustLog:
     """What was measured so far.
 
     forced : windows taken though they did not converge or their error was too large, of `windows`; the last ended at
-    forced_t [s].
+    forced_t [s].  over : the sum of those errors, in tolerances.  unconverged : those of them that did not converge.
     """
 
     temperatures: temperatures.TemperatureLog = field(default_factory=temperatures.TemperatureLog)
@@ -77,6 +80,8 @@ class TrustLog:
     windows: int = 0
     forced: int = 0
     forced_t: float = 0.0
+    over: float = 0.0
+    unconverged: int = 0
 
 
 class TrustWatch:
@@ -125,15 +130,15 @@ class TrustWatch:
         return log if values is None else replace(log, errors=errors.begun(values, now.t))
 
     def after(self, log: TrustLog, levels: tuple[Level, Level], terms: Mapping[str, float], *, fresh: bool,
-              forced: bool, looked: Looked | None = None, inputs: Mapping[str, float] = NOTHING,
+              forced: float = 0.0, looked: Looked | None = None, inputs: Mapping[str, float] = NOTHING,
               monitors: Mapping[str, float] = NOTHING) -> TrustLog:
         """Return the log after a window that was taken.
 
         levels : at its start and its end.  terms : its heat, and what nodes took up (Ledger.everything) [J].
-        fresh : it begins at a kink of the data.  forced : it was taken though it did not converge, or its error is too
-        large.  looked : what was seen of the probes; None: they are not followed.  inputs : of the thermal half in
-        this window, besides what is
-        exchanged.  monitors : what the halves tell of it, `thermal.NAME` and `mechanical.NAME`.
+        fresh : it begins at a kink of the data.  forced : its error in tolerances, where it was taken although that is
+        too large; inf: although it did not converge; else 0.  looked : what was seen of the probes; None: they are not
+        followed.  inputs : of the thermal half in this window, besides what is exchanged.  monitors : what the halves
+        tell of it, `thermal.NAME` and `mechanical.NAME`.
         """
         before, now = levels
         if looked is not None:
@@ -142,9 +147,12 @@ class TrustWatch:
         heats = {name: heat for name, heat in terms.items() if name not in NO_TERMS}
         warmth = temperatures.watched(log.temperatures, self._data, levels, heats, inputs)
         shape_off = monitors.get(f"mechanical.{SHAPE_OFF}")
+        if forced:
+            known = math.isfinite(forced)
+            log = replace(log, forced=log.forced + 1, forced_t=now.t, over=log.over + (forced if known else 0.0),
+                          unconverged=log.unconverged + (not known))
         return replace(
-            log, windows=log.windows + 1, forced=log.forced + forced, forced_t=now.t if forced else log.forced_t,
-            temperatures=warmth,
+            log, windows=log.windows + 1, temperatures=warmth,
             rhythm=rhythm.watched(log.rhythm, levels, warmth.most - warmth.least, self.means(now), fresh),
             passing=self._sides.watched(log.passing, before, now),
             unpaired=self._unpaired.watched(log.unpaired, now),
@@ -224,7 +232,10 @@ class TrustWatch:
             *delivered.checks(handed, totals),
             *solved.checks(log.solved),
             *instants.checks(log.instants, rules),
-            measured("windows solved to their tolerance", log.forced, (0, 0), unit="windows", t=log.forced_t,
+            # fault: a window a hair above its tolerance makes a run one not to trust -> measured("windows solved to
+            #   their tolerance", log.forced, (0, 0), | coupler/test_trust
+            measured("windows solved to their tolerance", log.over + log.unconverged * log.windows,
+                     (0.0, OVER * log.windows), unit="tolerances", t=log.forced_t,
                      what=f"{log.forced} of {log.windows} windows were accepted although they did not converge or "
                           f"their error was too large, the last at t = {log.forced_t:.6g} s",
                      remedy="Use smaller windows (a smaller coupling.adaptive.tolerance or coupling.adaptive.least), "

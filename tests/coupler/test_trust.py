@@ -2,17 +2,21 @@
 
 from __future__ import annotations
 
+import math
 import subprocess
 import sys
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from contact.half.interface import Interface, Pair
 from coupler import Results
+from coupler.control.loop import Tried
 from coupler.schemes.levels import Level
+from coupler.schemes.state import Verdict
 from coupler.trust.checks import Check, TrustVerdict, broken, measured
 from coupler.trust.passing import Sides
 from coupler.trust.watch import TrustLog, TrustWatch
@@ -47,7 +51,7 @@ def judged(levels: list[Level], boundary: tuple[dict, ...] = (), terms: dict | N
     watch = TrustWatch(boxes(), {"thermal": {"boundary": boundary}, "mechanical": {"half": half}})
     log = watch.begun(levels[0])
     for k in range(1, len(levels)):
-        log = watch.after(log, (levels[k - 1], levels[k]), terms, fresh=k in fresh, forced=False,
+        log = watch.after(log, (levels[k - 1], levels[k]), terms, fresh=k in fresh,
                           inputs=inputs or {})
     return {c.name: c for c in watch.judged(log, terms)}
 
@@ -239,10 +243,37 @@ def test_the_log_goes_into_a_checkpoint():
     watch = TrustWatch(boxes(), {"thermal": {}, "mechanical": {"half": "elastic"}})
     log = watch.begun(level(0.0))
     for k in range(1, 6):
-        log = watch.after(log, (level(k - 1.0, 300.0 + k), level(float(k), 301.0 + k)), {}, fresh=False, forced=True)
+        log = watch.after(log, (level(k - 1.0, 300.0 + k), level(float(k), 301.0 + k)), {}, fresh=False, forced=1.5)
     again = decode(encode(log), kinds_of((TrustLog,)))
     assert encode(again) == encode(log)
     assert again.forced == 5
+
+
+TO_TOLERANCE = "windows solved to their tolerance"
+
+
+@pytest.mark.parametrize(("forced", "verdict"), [
+    ({}, "holds"), ({3: 1.5}, "noted"), ({3: 1.5, 9: 1.6}, "broken"), ({3: math.inf}, "broken")])
+def test_errors_of_windows_add_up(forced, verdict):
+    """Of thirty windows, each of which may be off by one tolerance."""
+    watch = TrustWatch(boxes(), {"thermal": {}, "mechanical": {"half": "elastic"}})
+    log = watch.begun(level(0.0))
+    for k in range(1, 31):
+        log = watch.after(log, (level(k - 1.0, 300.0 + k), level(float(k), 301.0 + k)), {}, fresh=False,
+                          forced=forced.get(k, 0.0))
+    check = {c.name: c for c in watch.judged(log, {})}[TO_TOLERANCE]
+    assert check.verdict.value == verdict
+    assert f"{len(forced)} of 30 windows" in check.what or not forced
+
+
+@pytest.mark.parametrize(("solved", "error", "told"), [
+    (Verdict.ERROR, 1.5, 1.5), (Verdict.ACCEPTED, 0.5, 0.0), (Verdict.MAX_ITERATIONS, None, math.inf),
+    (Verdict.MAX_ITERATIONS, 0.1, math.inf)])
+def test_what_a_window_was_taken_in_spite_of(solved, error, told):
+    window = SimpleNamespace(
+        solved=SimpleNamespace(anyway=solved is not Verdict.ACCEPTED, verdict=solved),
+        error=None if error is None else SimpleNamespace(error=error))
+    assert Tried.forced.fget(window) == told
 
 
 # What a user sees
