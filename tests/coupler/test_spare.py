@@ -18,7 +18,7 @@ from coupler.running.resume import resume
 from coupler.running.run import Run
 from coupler.scenario import Scenario
 from coupler.scenario.load import scenario_from
-from coupler.scenario.options import Scheme, WindowRange
+from coupler.scenario.options import Adaptive, Scheme, WindowRange
 from coupler.schemes.accounts import EnergyAccount
 from coupler.schemes.levels import Level
 from coupler.schemes.schedule import schedule
@@ -165,7 +165,7 @@ def test_a_run_that_was_stopped_looks_at_the_same_windows(looked_at, tmp_path):
 
 # When it looks
 
-def looks(bends: np.ndarray, switches: Collection[int] = ()) -> list[int]:
+def looks(bends: np.ndarray, switches: Collection[int] = (), adaptive: Adaptive | None = None) -> list[int]:
     """The windows looked at in a run of one probe.
 
     bends : its second difference in each window.  switches : windows in which contact closes or opens.
@@ -173,7 +173,8 @@ def looks(bends: np.ndarray, switches: Collection[int] = ()) -> list[int]:
     n = len(bends)
     values = np.concatenate([[0.0], np.cumsum(np.cumsum(bends))])
     plan = Plan(schedule(float(n), [WindowRange(float(n), 1.0, 1.0)], ()), Scheme.STAGGERED,
-                {"thermal": 1, "mechanical": 1}, watched=lambda level: np.array([values[round(level.t)]]))
+                {"thermal": 1, "mechanical": 1}, adaptive=adaptive,
+                watched=lambda level: np.array([values[round(level.t)]]))
     now = Level(0.0, np.empty(0), np.empty((0, 2)), np.empty(0), np.empty(0), np.empty(0))
     memory, found = spare.first(plan, CoupledState(now, (), 0, {})), []
     for k in range(n):
@@ -234,6 +235,14 @@ def test_what_grows_until_the_run_ends_is_looked_at_in_its_last_window():
     falls = 0.8 ** np.arange(42)
     assert 41 not in looks(falls)
     assert 41 not in looks(np.concatenate([[1.0, 1e-7], np.full(39, 1e-7), [2e-7]])), "what adds up to nothing"
+
+
+def test_what_sets_in_within_an_adaptive_window_is_looked_at():
+    """Yield, say: nothing of windows before tells how far off that is.  Others are measured as they find their size."""
+    bends = np.concatenate([np.full(10, 0.01), [-1.0], np.zeros(9)])
+    own = Adaptive(1.0, 1e-3, 1.0)
+    assert looks(bends, adaptive=own) == [10]
+    assert looks(np.full(20, 0.01), adaptive=own) == []
 
 
 def test_what_is_not_resolved_may_be_looked_at_more():
