@@ -46,15 +46,20 @@ FAST = {
 # The files with more than 20 s by default, the longest of a folder first.
 LONG = {
     "coupler": """
-        cli fmi hosts scheme_table report resume plain_run processes ssp agreement several""",
+        plain_run resume report several ssp builders hosts verify_child spare own_mechanical_meshes tools agreement
+        outputs processes cli restarts bind watch verdict study_run fmi""",
+    ".": """
+        docs notebooks""",
     "scenarios": """
-        advise aluminium_can""",
+        sliding_blocks aluminium_can""",
     "mechanical_fmu": """
-        passing""",
+        first_contact impact stick_slip""",
     "random_scenes": """
-        invariants_frame""",
+        invariants_contact invariants_frame""",
     "thermal_fmu": """
-        thermal_monotone""",
+        thermal_adaptive thermal_order thermal_phase""",
+    "contact": """
+        compiled papers zenoh half_build""",
 }
 
 
