@@ -49,7 +49,8 @@ HISTORY = 2
 BENDS_MORE, VISIBLE, PART = 2.0, 0.01, 0.25
 # Where contact closes or opens, one that bends by this share of its range, and by so many times as much, is looked at
 # at once and whatever that costs: contact that opens under load, in a window that nobody looked at, may be off by half
-# of what it carried.  Each time it is twice as much, so it is seldom.
+# of what it carried.  Each time it is twice as much, so it is seldom.  Adaptive windows are measured as they find their
+# size; those that were not are looked at where a probe bends by as much.
 LARGE = 0.2
 # Probes that bend by more of their range in two windows on end are not resolved: then it is measured, too, whether the
 # exchange is stable (coupler.control.gain), for two windows where it answers weakly, five or six where it does not.

@@ -32,7 +32,7 @@ AIM = 0.2
 AIM_IN_HALVES = 0.5  # the same where it will be kept in halves
 I_POWER, P_POWER = 0.8, 0.3
 # Errors below this share of AIM are far below it.  All defaults with 8 times the tolerances: two rods 862 -> 534 calls
-# (4.6 and 5.4 % off), casting_1d to 20 s with its own 386 -> 310 (0.055 and 0.048 %); others the same within 15 %.
+# (4.6 and 5.4 % off), casting_1d to 20 s with its own 386 -> 310 (0.055 and 0.048 %); others the same within 20 %.
 FAR = 0.25
 # A window is at most so many times the last: what is known of the error is known of windows like the last.  Where the
 # error itself would change it by no more than `STAY`, it stays: that gains less than the unrest costs.

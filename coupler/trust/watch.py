@@ -205,6 +205,8 @@ class TrustWatch:
         rules : whether rules act on the scene.
         """
         off = imbalance(totals)
+        # fault: a window a hair above its tolerance makes a run one not to trust -> over = 0.0 | coupler/test_trust
+        over = OVER * log.windows
         return (
             errors.check(log.errors, self._probes, self._adaptive, self._iterated),
             stability.check(log.stability, log.errors.looked, self._adaptive),
@@ -232,10 +234,8 @@ class TrustWatch:
             *delivered.checks(handed, totals),
             *solved.checks(log.solved),
             *instants.checks(log.instants, rules),
-            # fault: a window a hair above its tolerance makes a run one not to trust -> measured("windows solved to
-            #   their tolerance", log.forced, (0, 0), | coupler/test_trust
             measured("windows solved to their tolerance", log.over + log.unconverged * log.windows,
-                     (0.0, OVER * log.windows), unit="tolerances", t=log.forced_t,
+                     (0.0, over), unit="tolerances", t=log.forced_t,
                      what=f"{log.forced} of {log.windows} windows were accepted although they did not converge or "
                           f"their error was too large, the last at t = {log.forced_t:.6g} s",
                      remedy="Use smaller windows (a smaller coupling.adaptive.tolerance or coupling.adaptive.least), "
