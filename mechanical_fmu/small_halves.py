@@ -26,7 +26,8 @@ Floats = NDArray[np.float64]
 
 # The rigid half: bodies that move as prescribed, x = X + u(t), and touch with a prescribed pressure.
 
-# A pair touches where a facing gap is no more than this [m]: motions are sums of tables, good to round-off only.
+# A pair touches where a facing gap is no more than this share of the scene: coordinates and motions in a file are
+# rounded.
 TOUCH = 1e-9
 
 
@@ -54,6 +55,8 @@ class RigidHalf:
 
     def __init__(self, interface: Interface, spec: RigidSpec) -> None:
         self.interface, self.spec, self.contact = interface, spec, ContactSurfaces(interface)
+        # fault: what touches is a fixed length -> self._touch = TOUCH | mechanical_fmu/test_rigid
+        self._touch = TOUCH * float(np.ptp(interface.nodes, axis=0).max())
         n_q = interface.pair_nodes.size
         x = Variable("x", (len(interface.nodes), 2), unit="m", start=interface.nodes, description="current coordinates",
                      on="nodes")
@@ -86,7 +89,7 @@ class RigidHalf:
             met = facing.gap[facing.pair == i]
             p = 0.0 if pressure is None else pressure.at(t, side)
             # fault: rigid pressure without touching -> if p > 0.0 and met.size: | mechanical_fmu/test_rigid
-            if p > 0.0 and met.size and met.min() <= TOUCH:
+            if p > 0.0 and met.size and met.min() <= self._touch:
                 # On the whole surfaces: a facing point takes it from its edge's nodes, some of which face nothing.
                 # fault: rigid pressure on the slave only -> t_N[(self.contact.pair_nodes.pair == i) &
                 #   (self.contact.pair_nodes.searched == 1)] = -p | mechanical_fmu/test_rigid

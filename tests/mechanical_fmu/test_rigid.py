@@ -64,6 +64,16 @@ def test_a_pair_without_pressure_touches_with_none():
     assert outputs["contact.covered"] == pytest.approx(1.0)
 
 
+@pytest.mark.parametrize("size", [2.0**-27, 1.0, 2.0**13])
+def test_what_touches_does_not_depend_on_the_size_of_the_scene(size):
+    """From 7 nm to 8 km: a gap of a millionth of the bodies is open, one of 1e-12 of them is round-off."""
+    interface = blocks(4, 4, gap=1e-3 * size, L=size)
+    for gap, pressed in ((1e-6, False), (1e-12, True)):
+        half = rigid(interface, motion={"upper": {"u_y": size * (gap - 1e-3)}}, pressure={"interface": 1e6})
+        _, outputs = half.start({}, 0.0, open_link("direct"))
+        assert bool(outputs["contact.t_N"].any()) is pressed
+
+
 def test_without_pairs_nobody_is_asked():
     half = rigid(block([0, 1], [0, 1]), motion={"block": {"u_x": 2.0}})
     _, outputs = half.start({}, 0.0, NoLink())
