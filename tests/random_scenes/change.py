@@ -7,20 +7,21 @@ What cannot be said of the new scene raises NotApplicable with the reason.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import asdict, dataclass, field, replace
 from itertools import pairwise
 from math import comb, cos, radians, sin
 from typing import Any
 
 import numpy as np
 
-from random_scenes.declared import NotApplicable, restated, value_at
+from random_scenes.declared import OLD_UNITS, NotApplicable, Units, restated, value_at
 from random_scenes.scene import Scene
 from random_scenes.shapes import Floats, Shape
 
 KELVIN = {"degC": 273.15, "K": 0.0}  # what makes kelvin of a temperature
 VECTORS = (("u_x", "u_y"), ("t_x", "t_y"), ("f_x", "f_y"), ("b_x", "b_y"))
 FREE_IF_MISSING = ("u_x", "u_y")  # a component that is not given is free; of the others it is 0
+UNITS = {"T": "K", "u_x": "m", "u_y": "m", "gap": "m", "p": "Pa"}  # of what probes look at
 PSEUDOSCALARS = ("angle", "moment")
 FRAMELESS = {"t", "window", "number", "failures", "iterations", "contraction", "error", "max_T", "max_p", "touching",
              "slipping", "imbalance", "max_dT", "heat_stored"}
@@ -29,9 +30,9 @@ FRAMELESS = {"t", "window", "number", "failures", "iterations", "contraction", "
 
 @dataclass(frozen=True, eq=False)
 class Changed:
-    """scene : the new one.  what : in words.  x_new = length (turn @ x + shift): (2, 2) [1], (2,) [m].
+    """scene : the new one.  what : in words.  x_new = units.m (turn @ x + shift): (2, 2) [1], (2,) [m].
 
-    lead : quiet [s] before all.
+    units : in which its numbers are.  lead : quiet [s] before all, in new seconds.
     probes : name -> sign of those that mean the same; the others were left out, or are no more to be compared.
     """
 
@@ -39,7 +40,7 @@ class Changed:
     what: str
     turn: Floats = field(default_factory=lambda: np.eye(2))
     shift: Floats = field(default_factory=lambda: np.zeros(2))
-    length: float = 1.0
+    units: Units = OLD_UNITS
     lead: float = 0.0
     probes: Mapping[str, float] = field(default_factory=dict)
 
@@ -377,18 +378,26 @@ def in_other_unit(scene: Scene) -> Changed:
     return Changed(replace(scene, doc=doc), f"with temperatures in {new}", probes=_all_probes(doc))
 
 
-def in_other_length(scene: Scene, length: float) -> Changed:
-    """The scene in a unit of which `length` make a metre; seconds, kilograms and kelvin stay.
+def in_other_units(scene: Scene, units: Units) -> Changed:
+    """The scene in other units of length, mass, time and temperature: a physically similar one.
 
     Probes of a half's own outputs are left out: their unit is not in the document.
     """
-    _demand_meshes(scene)
-    doc = restated(scene, length=length)
+    doc = restated(scene, units=units)
+    coupling = doc["coupling"]
+    if not coupling.get("windows") and not coupling.get("adaptive"):
+        raise NotApplicable("the document does not state the tolerances of its windows")
     doc["probes"] = {n: p for n, p in doc.get("probes", {}).items() if not any("." in quantity for quantity in p)}
-    powers = {"u_x": 1.0, "u_y": 1.0, "gap": 1.0, "p": -1.0}
-    shapes = {b: shape.at(length * shape.nodes) for b, shape in _shapes(scene).items()}
-    probes = {n: length ** -powers.get(next(iter(p)), 0.0) for n, p in doc["probes"].items()}
-    return Changed(replace(scene, doc=doc, moved=shapes), f"in a unit of 1/{length:g} m", length=length, probes=probes)
+    if scene.wants_rectangles:
+        recipes = {b: {**recipe, "patch": [[units.m * v for v in corner] for corner in recipe["patch"]]}
+                   for b, recipe in scene.recipes.items()}
+        made = replace(scene, doc=doc, recipes=recipes)
+    else:
+        shapes = {b: shape.at(units.m * shape.nodes) for b, shape in _shapes(scene).items()}
+        made = replace(scene, doc=doc, moved=shapes)
+    probes = {n: 1.0 / units.of(UNITS.get(next(iter(p)), "1")) for n, p in doc["probes"].items()}
+    words = ", ".join(f"1/{n:g} {unit}" for unit, n in asdict(units).items() if n != 1.0)
+    return Changed(made, f"in units of {words}", units=units, probes=probes)
 
 
 def later(scene: Scene, lead: float) -> Changed:

@@ -121,7 +121,7 @@ def numbers_of(old: Story, changed: Changed, new: Story) -> Ints:
     number = np.empty(old.T.shape[1], dtype=np.int64)
     for body in old.interface.bodies:
         mine, theirs = old.nodes_of(body), new.nodes_of(body)
-        X = changed.length * (old.interface.nodes[mine] @ changed.turn.T + changed.shift)
+        X = changed.units.m * (old.interface.nodes[mine] @ changed.turn.T + changed.shift)
         distance, nearest = cKDTree(new.interface.nodes[theirs]).query(X)
         assert distance.max() <= 1e-9 * np.abs(X).max(), "the meshes are not the same"
         number[mine] = theirs[nearest]
@@ -134,13 +134,13 @@ def all_differences(old: Story, changed: Changed, new: Story) -> Iterator[Differ
     a, b = _common(old, changed, new)
     allowed = agreement(old.scene, same_windows=len(a) == len(old.t), iterated=old.says("iterated from here on"))
     # Temperatures
-    T = new.T[b][:, number]
+    T = new.T[b][:, number] / changed.units.K
     yield _worst("T", "K", old.T[a], T, allowed.T * float(np.ptp(old.T)) + allowed.K
                  + ROUND_OFF * float(np.abs(old.T).max()) * len(old.t), old.t[a])
     # Displacements, turned back
-    x = (new.x[b][:, number] / changed.length - changed.shift) @ changed.turn
+    x = (new.x[b][:, number] / changed.units.m - changed.shift) @ changed.turn
     u, moved = old.x - old.x[0], float(np.abs(old.x - old.interface.nodes).max())
-    far = max(float(np.abs(old.x).max()), float(np.abs(new.x).max()) / changed.length)
+    far = max(float(np.abs(old.x).max()), float(np.abs(new.x).max()) / changed.units.m)
     yield _worst("x", "m", old.x[a], x, allowed.x * max(float(np.abs(u).max()), moved) + allowed.m
                  + ROUND_OFF * far, old.t[a])
     # Pressures: what round-off of a place does, its penalty makes a pressure of
@@ -149,7 +149,7 @@ def all_differences(old: Story, changed: Changed, new: Story) -> Iterator[Differ
         place = np.concatenate([to.at.start + np.searchsorted(to.nodes, number[side.nodes])
                                 for side, to in zip(old.interface.pair_sides, there, strict=True)])
         eps_N = max((p.eps_N for p in old.interface.pairs), default=0.0)
-        yield _worst("t_N", "Pa", old.t_N[a], new.t_N[b][:, place] * changed.length,
+        yield _worst("t_N", "Pa", old.t_N[a], new.t_N[b][:, place] / changed.units.of("Pa"),
                      allowed.t_N * float(np.abs(old.t_N).max()) + eps_N * (allowed.m + ROUND_OFF * far), old.t[a])
     # Probes that mean the same
     if len(a) == len(old.t):
@@ -161,7 +161,7 @@ def all_differences(old: Story, changed: Changed, new: Story) -> Iterator[Differ
 def _common(old: Story, changed: Changed, new: Story) -> tuple[Ints, Ints]:
     """Numbers of levels of both runs at the same times; where windows differ, the last ones alone."""
     late = np.flatnonzero(new.t >= changed.lead * (1.0 - 1e-12))
-    same = len(late) == len(old.t) and np.allclose(new.t[late] - changed.lead, old.t, rtol=0.0,
+    same = len(late) == len(old.t) and np.allclose((new.t[late] - changed.lead) / changed.units.s, old.t, rtol=0.0,
                                                    atol=1e-9 * old.t[-1])
     if same:
         return np.arange(len(old.t)), late
@@ -195,7 +195,7 @@ def _probe(name: str, old: Story, changed: Changed, new: Story, a: Ints, b: Ints
 
 def _ledger(old: Story, changed: Changed, new: Story, a: Ints, b: Ints, allowed: Agreement) -> Iterator[Difference]:
     """Heat by mechanism [J]; in plane geometry per metre of depth."""
-    per = changed.length ** (2.0 if old.scene.axisymmetric else 1.0)
+    per = changed.units.of("J") / (1.0 if old.scene.axisymmetric else changed.units.m)
     mine, theirs = _terms(old, a), _terms(new, b)
     if not mine:
         return

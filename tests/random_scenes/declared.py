@@ -1,9 +1,9 @@
 """A scene's document stated otherwise, key by key as the declaration of keys says: other units, another start of time.
 
-Which number is a temperature, and what power of the metre is in its unit, is read from contact.problem and the
-scenario's schema (Entry), so a key that is added there is converted here.  Only three units stand where no Entry says
-them: of a table of conductance (pressure, gap or temperature), of tolerances (their parent's), of polynomials over a
-place.
+Which number is a temperature, and what powers of metre, kilogram, second and kelvin are in its unit, is read from
+contact.problem and the scenario's schema (Entry), so a key that is added there is converted here.  Only four units
+stand where no Entry says them: of a table of conductance (pressure, gap or temperature), of tolerances and of what has
+a property a phase (their parent's), of polynomials over a place.
 """
 
 from __future__ import annotations
@@ -12,20 +12,22 @@ import re
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from enum import Enum
+from math import prod
 from typing import Any
 
 from contact.problem import laws
-from contact.problem.curves import FieldSum, Polynomial, ProfilePolynomial, PropertyTable, SignalTable
-from contact.problem.flow import Creep
+from contact.problem.curves import FieldSum, Phases, Polynomial, ProfilePolynomial, PropertyTable, SignalTable
 from contact.problem.part import Entry, Part
 from contact.problem.values import SignalName
 from coupler.scenario.schema import ScenarioFile
 from random_scenes.scene import Scene
 
-LENGTHS = {"kg": 0, "Pa": -1, "mol": 0, "rad": 0, "degrees": 0, "K": 0, "m": 1, "s": 0, "N": 1, "J": 2, "W": 2}
-"""Unit -> power of the metre in it."""
+POWERS = {"m": (1, 0, 0, 0), "kg": (0, 1, 0, 0), "s": (0, 0, 1, 0), "K": (0, 0, 0, 1), "rad": (0, 0, 0, 0),
+          "degrees": (0, 0, 0, 0), "Pa": (-1, 1, -2, 0), "N": (1, 1, -2, 0), "J": (2, 1, -2, 0), "W": (2, 1, -3, 0),
+          "mol": (2, 1, -2, -1)}
+"""Unit -> powers of m, kg, s, K in it.  A mole is so much that the gas constant, 8.314 J/mol K, stays what it is."""
 EXTENSIVE = ("N", "J", "N m", "W")  # in plane geometry these are per metre of depth
-_TOKEN = re.compile(r"(degrees|kg|Pa|mol|rad|K|m|s|N|J|W)(?:\^?(\d+)|\^([a-z])|\^\([^)]*\))?")
+_TOKEN = re.compile(r"(degrees|kg|Pa|mol|rad|K|m|s|N|J|W)(?:\^?(\d+)|\^([a-z])|\^\((\d+) \+ ([a-z]+)\))?")
 STUB = {"file": {"path": "in the scene"}}
 
 
@@ -33,42 +35,61 @@ class NotApplicable(ValueError):  # noqa: N818  (it says no error, but that a ch
     """A change that cannot be made of a scene.  Its text is the reason."""
 
 
-def power_of_length(unit: str, part: Part | None = None) -> float:
-    """The power of the metre in a unit such as "W/m2K".  part : where exponents of its own, such as Pa^n, are found.
+def powers_of(unit: str, part: Part | None = None) -> tuple[float, ...]:
+    """The powers of m, kg, s, K in a unit such as "W/m2K".
 
-    Raises NotApplicable for a unit that is not understood.
+    part : where exponents of its own, such as Pa^n, are found.  Raises NotApplicable for a unit that is not understood.
     """
     above, *below = unit.split("/")
-    total = 0.0
+    total = [0.0] * 4
     for sign, text in ((1.0, above), *((-1.0, b) for b in below)):
-        # Of a power of kelvin, K^(1 + exponent), no metre is left whatever it is.
         if rest := _TOKEN.sub("", text).strip(" 1()"):
             raise NotApplicable(f"unit {unit!r} is not understood: {rest!r}")
-        for name, digits, letter in _TOKEN.findall(text):
-            if LENGTHS[name]:
-                exponent = float(digits) if digits else float(getattr(part, letter)) if letter else 1.0
-                total += sign * exponent * LENGTHS[name]
-    return total
+        for name, digits, letter, more, word in _TOKEN.findall(text):
+            own = float(getattr(part, letter or word)) if letter or word else 0.0
+            exponent = float(digits) if digits else own + float(more or 0.0) if letter or word else 1.0
+            total = [a + sign * exponent * b for a, b in zip(total, POWERS[name], strict=True)]
+    return tuple(total)
+
+
+@dataclass(frozen=True)
+class Units:
+    """How many new metres, kilograms, seconds and kelvin are in an old one."""
+
+    m: float = 1.0
+    kg: float = 1.0
+    s: float = 1.0
+    K: float = 1.0
+
+    def of(self, unit: str, part: Part | None = None) -> float:
+        """How many new ones of a unit are in an old one."""
+        bases = (self.m, self.kg, self.s, self.K)
+        return float(prod(base**power for base, power in zip(bases, powers_of(unit, part), strict=True)))
+
+
+OLD_UNITS = Units()
 
 
 @dataclass(frozen=True)
 class Restating:
-    """length : new metres in an old one.  offset : what is added to temperatures.  lead : [s] of quiet before all."""
+    """units : the new ones.  offset : what is added to temperatures.  lead : [s] of quiet before all."""
 
     signals: Mapping[str, Any]
     plane: bool
-    length: float = 1.0
+    units: Units = OLD_UNITS
     offset: float = 0.0
     lead: float = 0.0
 
     def factor(self, entry: Entry | None, part: Part) -> float:
         """By what a number is multiplied."""
-        if entry is None or not entry.unit or self.length == 1.0:
+        if entry is None or not entry.unit or self.units == OLD_UNITS:
             return 1.0
-        if entry.unit == "J/mol":
-            raise NotApplicable("the gas constant is not scaled with an activation energy")
-        depth = 1.0 if self.plane and entry.unit in EXTENSIVE else 0.0
-        return float(self.length ** (power_of_length(entry.unit, part) - depth))
+        depth = self.units.m if self.plane and entry.unit in EXTENSIVE else 1.0
+        return self.units.of(entry.unit, part) / depth
+
+    def temperature(self, T: float) -> float:
+        """A temperature."""
+        return T * self.units.K + self.offset
 
     def part(self, part: Part, entry: Entry | None = None) -> dict[str, Any]:
         """A mapping as plain data.  entry : what is said of it as a whole."""
@@ -95,7 +116,7 @@ class Restating:
                          temperature=kelvin)
         if said is None and name == "atol" and whole is not None:
             return replace(whole, temperature=False)
-        if isinstance(part, laws.Sum) and name == "of":
+        if isinstance(part, Phases) or (isinstance(part, laws.Sum) and name == "of"):
             return whole
         return said
 
@@ -110,17 +131,18 @@ class Restating:
         if isinstance(value, str | int):
             return str(value) if isinstance(value, str) else value
         if isinstance(value, float):
-            return value + self.offset if entry is not None and entry.temperature else value * self.factor(entry, part)
+            kelvin = entry is not None and entry.temperature
+            return self.temperature(value) if kelvin else value * self.factor(entry, part)
         if isinstance(value, SignalTable):
             return self.signal({"t": list(value.t), "value": [self.value(v, entry, part) for v in value.value]})
         if isinstance(value, PropertyTable):
-            return {"T": [T + self.offset for T in value.T], "form": value.form.value,
+            return {"T": [self.temperature(T) for T in value.T], "form": value.form.value,
                     "value": [self.value(v, entry, part) for v in value.value]}
         if isinstance(value, Polynomial):
-            return {"polynomial": [self.value(v, entry, part) for v in value.polynomial],
-                    "T_ref": value.T_ref + self.offset}
+            factors = [self.value(a, entry, part) / self.units.K**i for i, a in enumerate(value.polynomial)]
+            return {"polynomial": factors, "T_ref": self.temperature(value.T_ref)}
         if isinstance(value, ProfilePolynomial):
-            return {"polynomial": [a / self.length**i for i, a in enumerate(value.polynomial)]}
+            return {"polynomial": [a / self.units.m**i for i, a in enumerate(value.polynomial)]}
         if isinstance(value, FieldSum):
             return self.sum(value, entry, part)
         if isinstance(value, Part):
@@ -139,7 +161,8 @@ class Restating:
 
     def sum(self, value: FieldSum, entry: Entry | None, part: Part) -> dict[str, Any]:
         """A sum of products: `t` carries its unit; one of temperatures gets one more, the others are differences."""
-        difference = None if entry is None else replace(entry, temperature=False)
+        difference = None if entry is None else replace(
+            entry, temperature=False, unit="K" if entry.temperature else entry.unit)
         terms = [{"t": self.value(term.t, difference, part),
                   **{axis: self.value(profile, None, term) for axis in ("x", "y")
                      if (profile := getattr(term, axis)) is not None}} for term in value.terms]
@@ -150,7 +173,7 @@ class Restating:
     def signal(self, table: dict[str, Any]) -> dict[str, Any]:
         """A signal after the lead: before it what it is at time 0, after a jump there."""
         if not self.lead:
-            return table
+            return {**table, "t": [t * self.units.s for t in table["t"]]}
         t, v = table["t"], table["value"]
         later = [k for k in range(len(t)) if t[k] > 0.0]
         start = value_at(table, 0.0)
@@ -178,10 +201,10 @@ def form_of(doc: Mapping[str, Any]) -> ScenarioFile:
     return ScenarioFile.model_validate({**doc, "bodies": bodies})
 
 
-def restated(scene: Scene, *, length: float = 1.0, offset: float = 0.0, lead: float = 0.0) -> dict[str, Any]:
+def restated(scene: Scene, *, units: Units = OLD_UNITS, offset: float = 0.0, lead: float = 0.0) -> dict[str, Any]:
     """The document of a scene with signals and defaults written out, in other units, or with a lead.
 
-    length : new metres in an old one.  offset : added to every temperature.  lead : [s], of data over time only.
+    units : the new ones.  offset : added to every temperature.  lead : [s], of data over time only.
     Raises NotApplicable where the declaration does not say how.
     """
     doc = scene.copied_doc()
@@ -191,16 +214,12 @@ def restated(scene: Scene, *, length: float = 1.0, offset: float = 0.0, lead: fl
     if any(doc[role].get("options") for role in ("thermal", "mechanical")) or not (
             kinds[0] in ("thermal", "lumped", "rod") and kinds[1] in ("elastic", "rigid", "rod")):
         raise NotApplicable("a half of another package may mean anything by its keys")
-    if doc.get("rules") and (length != 1.0 or offset or lead):
+    if doc.get("rules") and (units != OLD_UNITS or offset or lead):
         raise NotApplicable("numbers of rules have the unit of what they look at")
+    if units.K != 1.0 and doc["units"]["temperature"] != "K":
+        raise NotApplicable("degrees Celsius have another zero")
     file = form_of(doc)
-    if length != 1.0:
-        # An activation energy of 0 asks for nothing.
-        for name, material in file.materials.items():
-            if isinstance(material.creep, Creep) and material.creep.Q == 0.0:
-                doc["materials"][name]["creep"].pop("Q")
-        file = form_of(doc)
-    how = Restating(file.signals, doc["geometry"] == "plane", length, offset, lead)
+    how = Restating(file.signals, doc["geometry"] == "plane", units, offset, lead)
     made = {key: value for key, value in how.part(file).items() if key not in ("signals", "study", "rules", "output")}
     for body in made["bodies"].values():
         del body["mesh"]

@@ -15,8 +15,8 @@ import numpy as np
 from random_scenes.change import (
     Changed,
     bodies_reversed,
-    in_other_length,
     in_other_unit,
+    in_other_units,
     later,
     mirrored,
     pairs_reversed,
@@ -26,7 +26,7 @@ from random_scenes.change import (
     turned,
 )
 from random_scenes.compare import ROUND_OFF, findings
-from random_scenes.declared import NotApplicable
+from random_scenes.declared import NotApplicable, Units
 from random_scenes.invariant import Finding, Invariant
 from random_scenes.scene import Scene
 from random_scenes.story import COMPLETED, Story, told
@@ -70,7 +70,16 @@ def _some_turn(scene: Scene, rng: np.random.Generator) -> Changed:
 
 def _some_length(scene: Scene, rng: np.random.Generator) -> Changed:
     """In mm, cm, or half metres: fixed numbers of metres in the code would show."""
-    return in_other_length(scene, float(rng.choice([2.0, 100.0, 1000.0])))
+    return in_other_units(scene, Units(m=float(rng.choice([2.0, 100.0, 1000.0]))))
+
+
+def _some_units(scene: Scene, rng: np.random.Generator) -> Changed:
+    """A micrometre or a kilometre wide, in microseconds or years, as soft as jelly or ten times as hard as diamond.
+
+    By powers of two, so that no number is rounded otherwise: what differs is a fixed number in the code.
+    """
+    m, s, K, Pa = (2.0 ** float(rng.integers(*ends)) for ends in ((-16, 13), (-20, 25), (-10, 4), (-24, 7)))
+    return in_other_units(scene, Units(m, Pa * m * s**2, s, K if scene.doc["units"]["temperature"] == "K" else 1.0))
 
 
 SHIFT = law("frame: shift", _some_shift)
@@ -81,6 +90,7 @@ BODIES = law("frame: order of bodies", lambda scene, rng: bodies_reversed(scene)
 PAIRS = law("frame: order of pairs", lambda scene, rng: pairs_reversed(scene))
 KELVIN = law("frame: unit of temperature", lambda scene, rng: in_other_unit(scene))
 LENGTH = law("frame: unit of length", _some_length)
+SIMILAR = law("frame: physically similar", _some_units)
 
 
 def _lead(scene: Scene) -> float:
@@ -114,4 +124,4 @@ def at_rest(story: Story, rest: Story) -> bool:
 
 
 LATER = Invariant("frame: start of time", _can_wait, _begun_later, runs=2)
-FRAME = (SHIFT, TURN, MIRROR, RENUMBER, BODIES, PAIRS, KELVIN, LENGTH, LATER)
+FRAME = (SHIFT, TURN, MIRROR, RENUMBER, BODIES, PAIRS, KELVIN, LENGTH, SIMILAR, LATER)

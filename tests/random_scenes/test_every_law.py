@@ -17,7 +17,8 @@ FRAME = ("frame", "test_right_scenes_keep_the_laws", "test_a_fault_breaks_its_la
 SIGNS = "test_right_scenes_keep_all_signs_and_sums"
 SEEN = {
     **{f"frame: {how}": FRAME for how in ("shift", "turn", "mirror", "renumber", "order of bodies", "order of pairs",
-                                          "unit of temperature", "unit of length", "start of time")},
+                                          "unit of temperature", "unit of length", "physically similar",
+                                          "start of time")},
     "roles: slave and master": ("roles", "test_right_scenes_keep_the_laws", "test_a_fault_breaks_its_law"),
     "roles: heat across even gaps": ("roles", "test_heat_between_rings_has_one_area", "test_a_fault_breaks_its_law"),
     "superposed turn": ("motion", "test_a_scene_feels_nothing_of_a_turn",

@@ -24,9 +24,21 @@ from contact.problem.part import Part
 from coupler.scenario.si import ToSI
 from random_scenes.by_hand_frame import disc, heat, pressed, stack
 from random_scenes.change import PSEUDOSCALARS, VECTORS, NotApplicable, combined, moved_profile, shifted, turned
-from random_scenes.declared import LENGTHS, power_of_length, restated, value_at
+from random_scenes.declared import Units, powers_of, restated, value_at
 from random_scenes.invariant import Invariant
-from random_scenes.invariants_frame import BODIES, FRAME, KELVIN, LATER, LENGTH, MIRROR, PAIRS, RENUMBER, SHIFT, TURN
+from random_scenes.invariants_frame import (
+    BODIES,
+    FRAME,
+    KELVIN,
+    LATER,
+    LENGTH,
+    MIRROR,
+    PAIRS,
+    RENUMBER,
+    SHIFT,
+    SIMILAR,
+    TURN,
+)
 from random_scenes.scene import Scene
 from random_scenes.story import COMPLETED, Story, told
 
@@ -54,7 +66,8 @@ def test_a_scene_by_hand_says_something(name: str) -> None:
 
 
 @pytest.mark.few(
-    "stack-frame: mirror", "stack-frame: renumber", "stack-frame: order of bodies", "stack-frame: unit of length")
+    "stack-frame: mirror", "stack-frame: renumber", "stack-frame: order of bodies", "stack-frame: unit of length",
+    "stack-frame: physically similar")
 @pytest.mark.parametrize("law", LAWS)
 @pytest.mark.parametrize("name", [pytest.param(n, marks=() if n == "stack" else pytest.mark.slow) for n in SCENES])
 def test_right_scenes_keep_the_laws(name: str, law: str) -> None:
@@ -131,6 +144,11 @@ def _a_gap_of_ten_microns_more(patch: Patch) -> None:
     patch.setattr(laws.Gas, "conductance", lambda self, p, g, T: right(self, p, g + 1.0e-5, T))
 
 
+def _signals_late_by_a_tenth_of_a_second(patch: Patch) -> None:
+    right = contact.half.functions.Signal.at
+    patch.setattr(contact.half.functions.Signal, "at", lambda self, t, side=1: right(self, t - 0.1, side))
+
+
 def _clock_that_goes_fast(patch: Patch) -> None:
     right = contact.half.functions.Signal.at
     patch.setattr(contact.half.functions.Signal, "at", lambda self, t, side=1: right(self, 1.001 * t, side))
@@ -145,6 +163,7 @@ FAULTS = [
     (PAIRS, "stack", _penalty_of_the_first_pair),
     (KELVIN, "heat", _temperatures_as_they_are),
     (LENGTH, "heat", _a_gap_of_ten_microns_more),
+    (SIMILAR, "stack", _signals_late_by_a_tenth_of_a_second),
     (LATER, "stack", _clock_that_goes_fast),
 ]
 
@@ -189,15 +208,17 @@ def test_a_profile_moves(profile: dict[str, Any], sign: float) -> None:
 
 
 def test_units_are_understood() -> None:
-    assert [power_of_length(u) for u in ("W/mK", "J/kgK", "kg/m3", "Pa/m", "W/m2K^(1 + exponent)", "N m", "m/s2")] == [
-        1.0, 2.0, -3.0, -2.0, 0.0, 2.0, 1.0]
+    film = next(part for part in _parts(Part) if "exponent" in part.model_fields and "h_factor" in part.model_fields)
+    seventh = film.model_validate({"h": 5.0, "T": 300.0, "exponent": 0.25})
+    assert [powers_of(unit, seventh) for unit in ("W/mK", "J/kgK", "Pa/m", "N m", "W/m2K^(1 + exponent)", "J/mol")] == [
+        (1, 1, -3, -1), (2, 0, -2, -1), (-2, 1, -2, 0), (2, 1, -2, 0), (0, 1, -3, -1.25), (0, 0, 0, 1)]
+    assert Units(m=1e3, K=2.0).of("W/m2K") == 0.5
     entries = [part.entry(name) for part in _parts(Part) for name in part.model_fields]
     units = {entry.unit for entry in entries if entry is not None and entry.unit}
-    for unit in units - {"1/(Pa^n s)"}:
-        power_of_length(unit)
+    for unit in units - {"1/(Pa^n s)", "Pa s^m", "W/m2K^(1 + exponent)"}:
+        powers_of(unit)
     with pytest.raises(NotApplicable):
-        power_of_length("furlong")
-    assert LENGTHS["Pa"] == -1
+        powers_of("furlong")
 
 
 def _parts(part: type[Part]) -> set[type[Part]]:
