@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from scipy.sparse import csr_matrix
 
 from contact.half.linalg import Solve, factorise
-from mechanical_fmu.system import ForceBalance, Loading, System
+from mechanical_fmu.system import ForceBalance, ForceFloor, Loading, System
 from mechanical_fmu.tangent import (
     StiffnessAnchor,
     constrained,
@@ -180,6 +180,8 @@ def wants_tangent(history: Sequence[float], tolerance: float) -> bool:
 
 # Residuals that come back to this share of themselves, by turns, do so for ever.
 SAME = 1e-3
+# An iteration that leaves more than this of a residual does not lessen it.
+STANDS = 0.9
 
 
 def goes_round(history: Sequence[float]) -> bool:
@@ -213,18 +215,24 @@ class SolverSettings:
 
     adopt : drift of the stiffness over a step up to which its factor is kept for the next steps; negative: never.
         Well below what would still converge, because beginning costs a factor and a solve per surface unknown.
-    method : newton, modified_newton or bfgs.
+    method : newton, modified_newton or bfgs.  leads_on : it need not heed light loads, for others follow.
     """
 
     tolerance: float
     max_iterations: int = 25
     adopt: float = 0.002
     method: str = "newton"
+    leads_on: bool = False
 
     @property
     def most(self) -> int:
         """Return how many iterations a step may take."""
         return self.max_iterations if self.method == "newton" else OLD_TANGENT_FACTOR * self.max_iterations
+
+    def floor(self, system: System, loading: Loading) -> ForceFloor:
+        """Return the least force that residuals are compared with."""
+        floor = system.floor(loading, self.tolerance)
+        return floor.usually if self.leads_on else floor
 
 
 @dataclass(frozen=True)
@@ -268,13 +276,13 @@ def solve(system: System, loading: Loading, start: ForceBalance, anchor: Stiffne
     anchor : whose factor to use as long as it serves, None for a fresh tangent in every iteration.
     Raises NoEquilibriumError, SingularMatrixError, CellInversionError, ContactRefusedError.
     """
-    floor = system.floor(loading, settings.tolerance)
+    floor = settings.floor(system, loading)
     balance, error = start, system.error(start, floor)
     history, search = [float(error.max())], directions(settings.method, system, loading, anchor)
     whole = True
     while True:
         gap = loading.target - balance.u.ravel()[system.constraints.fixed]
-        if history[-1] <= settings.tolerance and not gap.any():
+        if not gap.any() and balances(system, balance, error, floor, history):
             return Equilibrium(balance, history[-1], tuple(history), search.fresh)
         around = search.every and goes_round(history)
         if around or len(history) > settings.most:
@@ -290,17 +298,31 @@ def solve(system: System, loading: Loading, start: ForceBalance, anchor: Stiffne
                              f"{history[-1]:.3g} (tolerance {settings.tolerance:g})")
 
 
+def balances(system: System, balance: ForceBalance, error: Floats, floor: ForceFloor, history: Sequence[float]) -> bool:
+    """Whether forces balance to the tolerance, or as nearly as numbers can tell.
+
+    The latter where iterations lessen a residual no more that is small against the usual floor: far from the origin,
+    or between stiff penalties, round-off is more than what is asked of light loads.
+    """
+    if float(error.max()) <= floor.tolerance:
+        return True
+    # fault: light loads far from the origin are asked for more than numbers tell -> stands = False |
+    #   mechanical_fmu/test_light_loads
+    stands = len(history) > 1 and history[-1] > STANDS * history[-2]
+    return stands and float(system.error(balance, floor.usually).max()) <= floor.tolerance
+
+
 def in_vain(history: Sequence[float], around: bool) -> str:
     """Say how many iterations found no equilibrium; around : whether they go to and fro between two iterates."""
     return f"no equilibrium after {len(history) - 1} iterations" + (
         ", which go to and fro between two states of contact" if around else "")
 
 
-def line_search(system: System, loading: Loading, start: Iterate, d: Floats, floor: Floats,
+def line_search(system: System, loading: Loading, start: Iterate, d: Floats, floor: ForceFloor,
                 tolerance: float, ahead: bool = False) -> Iterate:
     """Find balance and error at u + s d; s = 1 unless that turns a cell inside out or overshoots.
 
-    d : (2 n_nodes,) [m].  floor : (n_bodies,) [N] least force a residual is compared with.
+    d : (2 n_nodes,) [m].  floor : what a residual is compared with.
     ahead : whether the tangent at u + d will be asked for.
     The gap of prescribed components closes in full steps only; while it is open the work has no sign to search by.
     """

@@ -69,16 +69,16 @@ def stabilised(system: System, loading: Loading, first: ForceBalance, settings: 
     """
     loose, found = _loose(system, first), first
     ways, relief = loose.way.copy(), 1.0
-    rough = replace(settings, method="newton", tolerance=max(settings.tolerance, ROUGH),
+    rough = replace(settings, method="newton", tolerance=max(settings.tolerance, ROUGH), leads_on=True,
                     max_iterations=min(settings.max_iterations, SOON))
-    fine = replace(rough, tolerance=settings.tolerance)
+    fine = replace(rough, tolerance=settings.tolerance, leads_on=False)
     floor = system.floor(loading, settings.tolerance)
-    least = LEAST * float(floor.max())
+    least = LEAST * float(floor.usual.max())
     extent = float(np.ptp(system.interface.nodes, axis=0).max())
     history, work, loosest = [0.0], 0.0, None
     for _ in range(MOST_INCREMENTS):
         pushes = _pushes(loose, found)
-        unpushed = bool((pushes <= settings.tolerance * floor[list(loose.bodies)]).all())
+        unpushed = bool((pushes <= settings.tolerance * floor.usual[list(loose.bodies)]).all())
         damping = relief * np.maximum(pushes, least) / ways
         W = csr_matrix(diags_array(damping @ loose.share, format="csr"))
         inertia = Inertia(W, found.u, np.zeros_like(found.u))
@@ -147,7 +147,7 @@ def left_behind(system: System, loading: Loading, u: Floats, found: ForceBalance
     """
     if found.tractions is None or loading.inertia is not None or not system.can_be_loose:
         return None
-    least = tolerance * system.floor(loading, tolerance)
+    least = tolerance * system.floor(loading, tolerance).usual
     loose = [(body, Z) for body, Z in system.constraints.loose_motions(system.interface.nodes + u)
              if _pressed(system, found, body) <= least[body]]
     at, loading = found, with_found_multipliers(system, loading, found) if loose else loading

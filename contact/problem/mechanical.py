@@ -215,7 +215,7 @@ class Skip(Part):
 class ElasticSettings(Part):
     """How displacements are solved for, and what holds and pushes the bodies."""
 
-    tolerance: Annotated[Number, Entry("force residual over the reactions", above=0.0, below=1.0,
+    tolerance: Annotated[Number, Entry("force residual over the forces on a body", above=0.0, below=1.0,
                                          remedy="It is a share of the forces.")] = 1e-8
     boundary: Annotated[tuple[ElasticBoundary, ...], Entry("entries below", default="none", kind="list")] = ()
     method: Annotated[Solution, Entry("`docs/elements.md` says when to use which")] = Solution.NEWTON
