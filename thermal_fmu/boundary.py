@@ -163,7 +163,7 @@ def _source(total: _HeatSum, substep: SubstepData, loads: ThermalLoads, T: Float
         made, slope = temperature_source_flow(source_of_T, loads.Q_T[source_of_T.body], T)
         source += made
         parts[source_of_T.body] += made.sum()
-        total.places.append((source_of_T.block.slots, slope))
+        total.places.append((source_of_T.slots, slope))
     total.sources = parts
     return source
 

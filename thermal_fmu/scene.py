@@ -33,7 +33,7 @@ from thermal_fmu.exchange import ConductionGroup, RadiationGroup, ThroughCells, 
 from thermal_fmu.phase_change import Melting, NodalFields, PhaseChange, melting_of
 from thermal_fmu.problem import Flux, Model
 from thermal_fmu.program import ThermalProgram, surface_nodes
-from thermal_fmu.sources import FieldSource, TemperatureSource, freeze_sources, plain_sources
+from thermal_fmu.sources import FieldSource, SourceCache, TemperatureSource, freeze_sources, plain_sources
 from thermal_fmu.surface_terms import (
     FrictionHeat,
     FrozenFilm,
@@ -131,6 +131,11 @@ class ThermalScene:
             np.maximum.at(short, block.cells, k / edges.min(axis=1)[:, None])
             np.minimum.at(long, block.cells, k / edges.max(axis=1)[:, None])
         return ThroughCells(short, np.where(np.isfinite(long), long, 0.0))
+
+    @cached_property
+    def source_cache(self) -> SourceCache:
+        """Keep the sources of blocks that do not move."""
+        return SourceCache()
 
     @cached_property
     def geometry_cache(self) -> GeometryCache:
@@ -255,7 +260,7 @@ def freeze(scene: ThermalScene, masses: tuple[ReferenceCells, ...], x: Floats, E
     geometry = SurfaceGeometry(x, volume.axisymmetric, scene.surfaces, points)
     return SubstepData(
         model.stated.sigma_SB, shapes, masses, _mechanical(volume, shapes, E_M),
-        plain_sources(volume, shapes, model.parts), *freeze_sources(volume, shapes, model.parts, x),
+        plain_sources(volume, shapes, model.parts), *freeze_sources(volume, shapes, model.parts, x, scene.source_cache),
         # fault: prescribed field in the reference -> (*(Fixed(b.nodes, None if b.value.is_uniform else
         #   b.value.shapes(scene.interface.nodes[b.nodes])) for b in model.prescribed), |
         #   thermal_fmu/test_thermal_fields

@@ -5,18 +5,20 @@ A source is a field, times a factor of the cell's own temperature.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from contact.half.functions import Field, Level, Property, Signal, resolve
-from thermal_fmu.cells import CellBlock, CellGeometry, CellMesh, spread
+from thermal_fmu.cells import CellBlock, CellGeometry, CellMesh, Ints, Slots, spread
 from thermal_fmu.elsewhere import TemperatureCourse
 from thermal_fmu.kernels import at_points
 from thermal_fmu.problem import Model, ThermalBody
+from thermal_fmu.source_points import parted_cells
 from thermal_fmu.surface_terms import at_nodes
 
 Floats = NDArray[np.float64]
@@ -32,16 +34,26 @@ class FieldSource:
 
 @dataclass(frozen=True)
 class TemperatureSource:
-    """A source with a factor of temperature, on one block of cells.
+    """A source with a factor of temperature, on cells : (ne, nn) of one part; slots : (ne, nn, nn) as theirs.
 
-    volume : (ne, nq) of the quadrature points [m3].  shapes : (n_terms, ne nq) [1], None where the field is uniform.
+    N : (nq, nn) or (ne, nq, nn) shape functions of the quadrature points [1], volume : (ne, nq) theirs [m3].
+    shapes : (n_terms, ne nq) [1], None where the field is uniform.
     """
 
     body: int
-    block: CellBlock
+    cells: Ints
+    slots: Slots
+    N: Floats
     factor: Property
     volume: Floats
     shapes: Floats | None
+
+    def at_points(self, T: Floats) -> Floats:
+        """Return (ne, nq) [K] of T : (n,) [K]."""
+        return at_points(T, self.cells, self.N) if self.N.ndim == 2 else np.einsum("eqi,ei->eq", self.N, T[self.cells])
+
+
+Sources = list[FieldSource] | list[TemperatureSource]
 
 
 def plain_sources(volume: CellMesh, shapes: Sequence[CellGeometry], parts: Sequence[ThermalBody]) -> Floats | None:
@@ -64,40 +76,80 @@ def is_plain(body: ThermalBody) -> bool:
     return body.Q_T.is_uniform and body.Q_T_factor is None
 
 
-def freeze_sources(volume: CellMesh, shapes: Sequence[CellGeometry], parts: Sequence[ThermalBody],
-                   x: Floats) -> tuple[tuple[FieldSource, ...], tuple[TemperatureSource, ...]]:
+class SourceCache:
+    """What the sources of a block follow from, on the geometry last asked for."""
+
+    def __init__(self) -> None:
+        self._made: dict[int, tuple[CellGeometry, Sources]] = {}
+
+    def of(self, number: int, shape: CellGeometry, make: Callable[[], Sources]) -> Sources:
+        """Return the sources of a block, made anew where its geometry is another."""
+        known = self._made.get(number)
+        # fault: sources stay where they were though their cells moved -> if known is None: |
+        #   thermal_fmu/test_source_strip
+        if known is None or known[0] is not shape:
+            known = self._made[number] = (shape, make())
+        return known[1]
+
+
+def freeze_sources(volume: CellMesh, shapes: Sequence[CellGeometry], parts: Sequence[ThermalBody], x: Floats,
+                   cache: SourceCache) -> tuple[tuple[FieldSource, ...], tuple[TemperatureSource, ...]]:
     """Spread the other sources of parts on coordinates x : (n, 2) [m]: those of fields, and those with a factor."""
-    by_field, by_temperature = [], []
-    for b, body in enumerate(parts):
-        if is_plain(body) or body.Q_T.is_zero:
-            continue
-        own = [(block, shape) for block, shape in zip(volume.blocks, shapes, strict=True) if block.part == b]
-        if body.Q_T_factor is not None:
-            by_temperature += [TemperatureSource(b, block, body.Q_T_factor, shape.dV,
-                                                 _at_quadrature(body.Q_T, block, x)) for block, shape in own]
-        else:
-            by_field.append(FieldSource(b, sum((_nodal(volume, body.Q_T, block, shape, x) for block, shape in own),
-                                               np.zeros((len(body.Q_T.terms), volume.n)))))
-    return tuple(by_field), tuple(by_temperature)
+    found: list[FieldSource | TemperatureSource] = []
+    for number, (block, shape) in enumerate(zip(volume.blocks, shapes, strict=True)):
+        body = parts[block.part]
+        if not is_plain(body) and not body.Q_T.is_zero:
+            found += cache.of(number, shape, partial(_sources, volume, block, shape, body, x))
+    return (tuple(s for s in found if isinstance(s, FieldSource)),
+            tuple(s for s in found if isinstance(s, TemperatureSource)))
 
 
-def _at_quadrature(field: Field, block: CellBlock, x: Floats) -> Floats | None:
-    if field.is_uniform:
-        return None
-    return field.shapes(np.einsum("qi,eij->eqj", block.table.N, x[block.cells]).reshape(-1, 2))
+def _sources(volume: CellMesh, block: CellBlock, shape: CellGeometry, body: ThermalBody, x: Floats) -> Sources:
+    """What a part makes in a block on x : (n, 2) [m]."""
+    pieces = _pieces(body.Q_T, block, shape, x, volume.axisymmetric)
+    if body.Q_T_factor is not None:
+        return [TemperatureSource(block.part, p.cells, p.slots, p.N, body.Q_T_factor, p.volume, p.shapes)
+                for p in pieces]
+    # fault: source of a field not weighted in place -> return [FieldSource(block.part, np.array([_to_nodes(p.cells,
+    #   p.N, term.mean() * p.volume, volume.n) for term in p.terms])) | thermal_fmu/test_thermal_fields
+    return [FieldSource(block.part, np.array([_to_nodes(p.cells, p.N, term * p.volume, volume.n) for term in p.terms]))
+            for p in pieces]
 
 
-def _nodal(volume: CellMesh, field: Field, block: CellBlock, shape: CellGeometry, x: Floats) -> Floats:
-    at = _at_quadrature(field, block, x)
-    assert at is not None, "a uniform source without factor is a plain one"
-    # fault: source of a field not weighted in place -> return np.array([_to_nodes(block, term.mean() * shape.dV,
-    #   volume.n) for term in at]) | thermal_fmu/test_thermal_fields
-    return np.array([_to_nodes(block, term.reshape(shape.dV.shape) * shape.dV, volume.n) for term in at])
+class _Piece(NamedTuple):
+    """Cells of a block with points of their own, as in TemperatureSource."""
+
+    cells: Ints
+    slots: Slots
+    N: Floats
+    volume: Floats
+    shapes: Floats | None
+
+    @property
+    def terms(self) -> Floats:
+        """(n_terms, ne, nq) [1]."""
+        assert self.shapes is not None, "a uniform source without factor is a plain one"
+        return self.shapes.reshape(-1, *self.volume.shape)
 
 
-def _to_nodes(block: CellBlock, power: Floats, n: int) -> Floats:
-    """Return (n,) nodal sums of N_i times power : (ne, nq)."""
-    return at_nodes(block.cells, power @ block.table.N, n)
+def _pieces(field: Field, block: CellBlock, shape: CellGeometry, x: Floats, axisymmetric: bool) -> list[_Piece]:
+    """The points at which a field is read in a block on x : (n, 2) [m]: those of its cells, or parts of them."""
+    N, corners = block.table.N, x[block.cells]
+    parted = None if field.is_uniform else parted_cells(field, corners, axisymmetric)
+    whole = np.arange(len(corners)) if parted is None else np.setdiff1d(np.arange(len(corners)), parted.cells)
+    found = []
+    if whole.size:
+        at = field.shapes(np.einsum("qi,eij->eqj", N, corners[whole]).reshape(-1, 2))
+        found.append(_Piece(block.cells[whole], block.slots[whole], N, shape.dV[whole], at))
+    if parted is not None:
+        found.append(_Piece(block.cells[parted.cell], block.slots[parted.cell], parted.N[:, None],
+                            parted.volume[:, None], field.shapes(parted.x)))
+    return found
+
+
+def _to_nodes(cells: Ints, N: Floats, power: Floats, n: int) -> Floats:
+    """Return (n,) nodal sums of N_i : (nq, nn) or (ne, nq, nn) times power : (ne, nq)."""
+    return at_nodes(cells, power @ N if N.ndim == 2 else np.einsum("eq,eqi->ei", power, N), n)
 
 
 def temperature_source_flow(source: TemperatureSource, level: Level, T: Floats) -> tuple[Floats, Floats]:
@@ -105,14 +157,14 @@ def temperature_source_flow(source: TemperatureSource, level: Level, T: Floats) 
 
     level : of Q_T [W/m3].  Q = Q_T(x, t) factor(T) at quadrature points, on the current volume.
     """
-    N = source.block.table.N
     Q = np.reshape(resolve(level, source.shapes), (-1,) if source.shapes is None else source.volume.shape)
-    T_q = at_points(T, source.block.cells, N)
-    f = _to_nodes(source.block, Q * source.factor(T_q) * source.volume, T.size)
+    T_q = source.at_points(T)
+    f = _to_nodes(source.cells, source.N, Q * source.factor(T_q) * source.volume, T.size)
     # fault: derivative of a source by temperature forgotten -> dQ = 0.0 * Q * source.factor.slope(T_q) * source.volume
     #   | thermal_fmu/test_thermal_fields
     dQ = Q * source.factor.slope(T_q) * source.volume
-    return f, -np.einsum("eq,qi,qj->eij", dQ, N, N)
+    N = source.N
+    return f, -(np.einsum("eq,qi,qj->eij", dQ, N, N) if N.ndim == 2 else np.einsum("eq,eqi,eqj->eij", dQ, N, N))
 
 
 # Boundary data at a stage time
