@@ -113,6 +113,7 @@ def test_other_elements_pass(scene: str, tmp_path: Path, monkeypatch: pytest.Mon
     assert agrees(bench, AGREES).verdict is CheckVerdict.PASS
 
 
+@pytest.mark.slow
 def test_cells_of_another_order_of_error_pass_and_a_coarse_mesh_says_less() -> None:
     """Enhanced cells bend as they should, on a mesh whose own cells miss some of the energy."""
     wrong = Wrong("mechanical", "blocks", told=lambda model: model.update(element="enhanced"))

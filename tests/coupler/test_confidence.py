@@ -147,7 +147,7 @@ def test_a_companion_that_failed_tells_nothing():
     assert "the body melts away" in row.sentence
 
 
-@pytest.mark.few("staggered-1")
+@pytest.mark.slow
 @pytest.mark.parametrize(("scheme", "order"), [("staggered", 1), ("extrapolated", 2), ("iterated", 2)])
 def test_told_is_the_true_error_within_a_factor_of_two(tmp_path, scheme, order):
     s = scene(seizing_rod(5.0, scheme=scheme))

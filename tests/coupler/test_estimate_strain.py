@@ -68,7 +68,7 @@ def off(results: Results, n: float, probe: str = "stress") -> tuple[float, float
     return float(np.abs(s - relaxed(n, t, s[0])).max() / np.ptp(s)), told.error / told.range
 
 
-@pytest.mark.few("5-auto")
+@pytest.mark.slow
 @pytest.mark.parametrize(("n", "scheme"), [(1, "auto"), (3, "auto"), (5, "auto"), (3, "extrapolated")])
 def test_stress_that_relaxes_is_as_exact_as_its_tolerance(tmp_path: Path, n: float, scheme: str) -> None:
     """1.4 to 1.7 % off with nothing but x and T to go by, of which half was told; by any scheme."""

@@ -42,6 +42,7 @@ def test_iterated_it_is_of_second_order(tmp_path):
     assert found[-1] == pytest.approx(8.132e6, rel=1e-3)
 
 
+@pytest.mark.slow
 def test_extrapolated_its_heat_is_not_a_window_late(tmp_path):
     """3.5 % off in windows of 2.5 s, and of order 0.9, where heat came a window late."""
     found = pressures(tmp_path, "extrapolated", [10.0, 5.0, 2.5])

@@ -124,6 +124,7 @@ def test_a_coupler_killed_in_a_traction_leaves_nobody(tmp_path):
     assert of(pids, 30.0) == []
 
 
+@pytest.mark.slow
 def test_a_run_says_what_its_service_was_asked(tmp_path):
     with program(tmp_path, 0, "nobody") as coupler:
         said, _ = coupler.communicate(timeout=200)

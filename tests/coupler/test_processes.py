@@ -224,7 +224,7 @@ def test_a_half_that_does_not_start_is_named(fmu, tmp_path):
             processes({"a": fmu, "b": tmp_path / "missing.fmu"}, host=HOST, service=SERVICE):
         raise AssertionError("not reached")
     with pytest.raises(HalfError, match=r"'a': it was not ready in time"), \
-            processes({"a": fmu}, host=IDLE, service=SERVICE, start_deadline=1.0):
+            processes({"a": fmu}, host=IDLE, service=SERVICE, start_deadline=4.0):
         raise AssertionError("not reached")
     with pytest.raises(ServiceDownError, match=r"contact service: .*code 2"), \
             processes({"a": fmu}, host=HOST, service=[*SERVICE, "--nonsense"]):

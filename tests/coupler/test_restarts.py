@@ -153,7 +153,7 @@ def test_each_role_killed_at_random_moments_gives_the_bits_of_an_undisturbed_run
     assert children() == {}
 
 
-@pytest.mark.few("contact")
+@pytest.mark.slow
 @pytest.mark.parametrize("victim", ROLES)
 def test_without_restarts_nothing_is_lost_either(whole, tmp_path, victim):
     """Checkpoints are written every half a minute: the run is over before the second."""

@@ -73,7 +73,7 @@ def test_several_halves_are_one(file: Path, alone, tmp_path: Path, halves, schem
     same(alone(scheme), ran(file, tmp_path / "several.h5", {"coupling.scheme": scheme, "thermal.halves": halves}), 1e5)
 
 
-@pytest.mark.few("steady")
+@pytest.mark.slow
 @pytest.mark.parametrize("method", ["backward_euler", "sdirk2", "steady"])
 def test_with_every_method_in_time(file: Path, tmp_path: Path, method: str) -> None:
     changes = {"thermal.method": method, "coupling.end": 20, "coupling.windows": [{"until": 20, "size": 10}]}
@@ -187,7 +187,7 @@ def test_in_processes_they_give_the_same_bits(file: Path, whole: Path, tmp_path:
     assert differences(whole, tmp_path / "run.h5") == []
 
 
-@pytest.mark.few("True")
+@pytest.mark.slow
 @pytest.mark.parametrize("processes", [False, True])
 def test_a_run_that_stopped_goes_on_to_the_same_bits(file: Path, whole: Path, tmp_path: Path, processes: bool) -> None:
     out = tmp_path / "run.h5"

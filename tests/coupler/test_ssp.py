@@ -132,6 +132,7 @@ def test_a_master_that_knows_the_file_alone_runs_it(ssp: Path) -> None:
     assert np.ptp(temperatures(BY_FMPY, ssp, 1) - T) > 0.1
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(importlib.util.find_spec("libcosimpy") is None, reason="libcosimpy is not installed")
 def test_libcosim_gives_what_fmpy_gives(ssp: Path) -> None:
     """Each of three runs ends with 0: the wrapper may leave a damaged heap (docs/other_masters.md)."""

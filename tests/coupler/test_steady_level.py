@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pytest
 
 sys.path.insert(0, str(Path(__file__).parent))
 from start_scenes import STEEL, edited, loaded, solved
@@ -56,6 +57,7 @@ TOUCHES = edited(GROWS, bodies__wall__mesh__rectangle__origin=[0.1003, 0], conta
     "open": {"law": "gas", "k_g": 0.03, "g_m": 3.0e-4}}, probes__p={"p": {"mean": "bar.right"}})
 
 
+@pytest.mark.slow
 def test_a_touch_that_multiplies_by_thousands_is_passed_and_told_as_right(tmp_path: Path) -> None:
     """By default it stood still at the touch, in windows of 1e-7 s, and where it did not was told 12 % off."""
     found = solved(tmp_path, {**TOUCHES, "coupling": {"end": 200.0}}, "found")

@@ -43,7 +43,7 @@ def test_an_fmu_that_leaks_on_restore_is_caught_and_one_that_does_not_passes(tmp
     assert "gives another T" in told[leaky][RESTORE][1]
 
 
-@pytest.mark.few("halves0")
+@pytest.mark.slow
 @pytest.mark.parametrize("halves", [("lumped", "thermal_rod:casting", "mechanical_rod", "rigid"),
                                     ("thermal", "elastic")])
 def test_our_own_halves_keep_to_the_border(halves: tuple[str, ...], tmp_path: Path) -> None:

@@ -72,7 +72,7 @@ def went(times, plate, form="edges", v0=0.0, stick=STICK, **model):
     return np.array(found).T
 
 
-@pytest.mark.few("edges")
+@pytest.mark.slow
 @pytest.mark.parametrize("form", ["edges", "nodes", "two passes"])
 def test_a_cycle_to_and_fro_loses_what_friction_takes(form):
     """No inertia: 4 mu N (A - mu N/k - mu N/k_T) a cycle of amplitude A, in steps that do not end where it lets go."""

@@ -48,6 +48,7 @@ def test_what_goes_to_rest_is_right(scene):
     assert not CYCLES.check(scene, story, RNG)
 
 
+@pytest.mark.slow
 def test_a_half_that_is_off_every_other_window_is_found(monkeypatch):
     right = DirectHalf.advance
     count = {"thermal": 0, "mechanical": 0}

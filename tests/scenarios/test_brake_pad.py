@@ -78,7 +78,7 @@ def test_the_middle_warms_as_half_spaces_do(brake: Results, name: str) -> None:
         assert float(np.interp(t, *brake.probe(name))) - 293.15 == pytest.approx(expected, rel=0.01)
 
 
-@pytest.mark.few("mechanical-10-0.01")
+@pytest.mark.slow
 @pytest.mark.parametrize(("side", "times", "dT"), [
     # Of 2 K.  Friction and way are the same in ten steps as in one, but for how the pad's ends spring back.
     ("mechanical", 10, 0.01),

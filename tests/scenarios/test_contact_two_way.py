@@ -98,7 +98,7 @@ def worst(results: Results, folder: Path, dt: float) -> float:
     return max(float(np.abs(results.probe(name)[1] - T[:, node[name]]).max()) for name in PROBES)
 
 
-@pytest.mark.few("extrapolated-1.7")
+@pytest.mark.slow
 @pytest.mark.parametrize(("scheme", "cap"), [("staggered", 2.5), ("extrapolated", 1.7)])
 def test_what_staggering_costs_halves_with_the_window(scheme: str, cap: float, tmp_path: Path) -> None:
     """Both take backward Euler, so only the exchange differs: first order in the window, and little of it."""

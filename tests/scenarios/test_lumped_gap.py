@@ -31,6 +31,7 @@ def lumped(folder: Path, share: float, windows: int, scheme: str = "staggered",
     return results.probe("T")[1], results.probe("gap")[1]
 
 
+@pytest.mark.slow
 def test_below_the_critical_window_it_converges(tmp_path: Path) -> None:
     T, gap = lumped(tmp_path, 0.8, 120)
     assert T[-1] == pytest.approx(E4["T"], abs=1e-6)

@@ -89,7 +89,7 @@ def reference():
     return (4.0 * fine - coarse) / 3.0
 
 
-@pytest.mark.few("sdirk2-2.0")
+@pytest.mark.slow
 @pytest.mark.parametrize(("name", "expected"), [("midpoint", 2.0), ("sdirk2", 2.0), ("0.5", 2.0),
                                                 ("backward_euler", 1.0)])
 def test_order_with_every_coefficient_a_function_of_temperature(name, expected):
