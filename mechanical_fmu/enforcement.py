@@ -178,9 +178,9 @@ def solve_at_once(system: System, loading: Loading, start: ForceBalance, anchor:
             by_now = np.where(augmented, query.multipliers + sum(change for change, _ in changes), 0.0)
             unfelt = replace(loading, query=query.with_multipliers(by_now))
             again = system.balance(balance.u, unfelt)
-            # fault: round-off asked to settle at once -> if False: | mechanical_fmu/test_semi_smooth
             told = floor if float(error.max()) <= settings.tolerance else floor.usually
             left = float(system.error(again, told).max())
+            # fault: round-off asked to settle at once -> if False: | mechanical_fmu/test_semi_smooth
             if left <= settings.tolerance:
                 # The forces do not feel the change: where bodies just touch, pressures are round-off.
                 return _as_solved(Equilibrium(again, left, tuple(history), fresh), _query(unfelt))

@@ -112,7 +112,7 @@ class ForceFloor:
         # What is left of forces between a body that floats and one that it touches is no load: nothing bears it.
         # fault: what is left between bodies that touch is a load -> loads = forces | mechanical_fmu/test_left_behind
         loads = np.where(self.loose, self.applied, forces)
-        # fault: light loads are taken for no load -> loads = np.zeros_like(loads) | mechanical_fmu/test_light_loads
+        # fault: light loads are taken for no load -> small = self.usual | mechanical_fmu/test_light_loads
         small = np.clip(LIGHT * loads, self.least, self.usual)
         floor = np.where(loads > self.tolerance * self.least, small, self.usual)
         return np.maximum(forces, floor)
