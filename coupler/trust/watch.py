@@ -17,6 +17,7 @@ from coupler.schemes.levels import Level
 from coupler.schemes.state import ACROSS, OFF_MESH, SHAPE_OFF
 from coupler.trust import (
     across,
+    at_nodes,
     carried,
     delivered,
     equilibrium,
@@ -113,6 +114,7 @@ class TrustWatch:
         self._stored = stored.StoredHeat(interface, models["thermal"], "thermal" in self._own_meshes,
                                          ignored)
         self._placed = skipped.PlacedData(interface, models["thermal"])
+        self._at_nodes = at_nodes.checks(interface, models["thermal"])
         self._motion = motion.Motion(models["mechanical"], interface, substeps)
         self._prescribed = models["mechanical"].get("half") == "rigid"
         self._inside = np.flatnonzero(interface.node_body >= 0)
@@ -227,6 +229,7 @@ class TrustWatch:
             *equilibrium.checks(log.equilibrium),
             *self._motion.checks(log.motion),
             *self._placed.checks(log.skipped),
+            *self._at_nodes,
             measured("heat balance", off, BALANCE,
                      what=f"a fraction of {off:.2g} of the heat moved is not accounted for",
                      remedy="Use a smaller thermal.tolerance"),

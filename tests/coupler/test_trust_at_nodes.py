@@ -1,0 +1,89 @@
+"""What is stated over place and read at nodes: a line of the trust table where a table bends between them."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from coupler import Results, run
+from coupler.scenario.load import scenario_from
+from coupler.trust.at_nodes import NAME, checks
+from coupler.trust.checks import TrustVerdict
+
+STEEL = {"rho": 7800.0, "c": 480.0, "k": 45.0}
+SHARP = 1e-7
+
+
+def strip(start: float, wide: float, axis: str = "x", over: float = 500.0) -> dict[str, Any]:
+    """300 K, and `over` more on a strip, which begins and ends at once."""
+    at = [start, start + SHARP, start + wide - SHARP, start + wide]
+    return {"terms": [{"t": 300.0}, {"t": over, axis: {"at": at, "value": [0.0, 1.0, 1.0, 0.0]}}]}
+
+
+def document(T0: Any, boundary: list[Any] | None = None, cells: tuple[int, int] = (10, 3),
+             **mesh: Any) -> dict[str, Any]:
+    """A plate of 100 by 30 mm."""
+    plate = {"origin": [0, 0], "size": [0.1, 0.03], "cells": list(cells), **mesh}
+    return {
+        "slideline": 2, "units": {"temperature": "K"}, "geometry": "plane", "materials": {"steel": STEEL},
+        "bodies": {"plate": {"mesh": {"rectangle": plate}, "material": "steel", "T0": T0}},
+        "thermal": {"boundary": boundary or []}, "mechanical": {"half": "rigid", "rigid": {"motion": {}}},
+        "coupling": {"end": 1.0, "windows": [{"until": 1.0, "size": 0.5}]}}
+
+
+def row(tmp_path: Path, *args: Any, **more: Any) -> Any:
+    scenario = scenario_from(json.dumps(document(*args, **more)), tmp_path / "s.yaml", {})
+    found = checks(scenario.interface, scenario.models["thermal"])
+    return found[0] if found else None
+
+
+@pytest.mark.parametrize("axis", ["x", "y"])
+@pytest.mark.parametrize("more", [{}, {"triangles": True}], ids=["quads", "triangles"])
+def test_a_strip_between_two_rows_of_nodes_is_not_there(tmp_path, axis, more):
+    found = row(tmp_path, strip(0.012, 0.005, axis), **more)
+    assert found.verdict is TrustVerdict.BROKEN
+    assert found.number == pytest.approx(1.0, abs=1e-9)
+    assert "T0 of plate bends between nodes, which read 100 % less of it" in found.sentence
+
+
+@pytest.mark.parametrize("more", [{}, {"triangles": True}], ids=["quads", "triangles"])
+def test_one_about_a_row_of_nodes_is_as_wide_as_the_cells(tmp_path, more):
+    """5 mm about the nodes at 10 mm: nodes read a tent of 20 mm, which holds twice as much."""
+    found = row(tmp_path, strip(0.0075, 0.005), **more)
+    assert found.number == pytest.approx(1.0, rel=0.1 if more else 0.02)
+    assert "% more" in found.sentence
+
+
+@pytest.mark.parametrize(("cells", "verdict"), [(10, TrustVerdict.NOTED), (2, TrustVerdict.BROKEN)])
+def test_half_a_body_that_is_hot_is_off_by_half_a_cell(tmp_path, cells, verdict):
+    """Beside the row of nodes at its middle: half a cell of ten of five, of two of one."""
+    found = row(tmp_path, strip(-1.0, 1.05 + SHARP), cells=(cells, 1))
+    assert found.verdict is verdict
+    assert found.number == pytest.approx(0.5 / (cells / 2), rel=0.02)
+
+
+def test_where_nodes_are_at_its_bends_nothing_is_said(tmp_path):
+    bends = {"at": [0.0, 0.03, 0.05, 0.1], "value": [0.0, 1.0, 0.5, 0.0]}
+    assert row(tmp_path, {"terms": [{"t": 300.0}, {"t": 50.0, "x": bends}]}) is None
+    assert row(tmp_path, {"terms": [{"t": 300.0}, {"t": 50.0, "x": {"polynomial": [0.0, 1.0, 1.0]}}]}) is None
+    assert row(tmp_path, 300.0) is None
+    assert row(tmp_path, strip(5.0, 1.0)) is None
+
+
+def test_a_gentle_table_holds(tmp_path):
+    """A tent whose top lies between nodes."""
+    tent = {"at": [-0.1, 0.055, 0.2], "value": [0.0, 1.0, 0.0]}
+    assert row(tmp_path, {"terms": [{"t": 300.0}, {"t": 50.0, "x": tent}]}).verdict is TrustVerdict.HOLDS
+
+
+def test_a_prescribed_temperature_too_and_the_run_ends_so(tmp_path):
+    """A hot strip on an edge that no node lies in: nothing is warmed, and the run is not to be trusted."""
+    out = tmp_path / "run.h5"
+    held = [{"on": "plate.bottom", "temperature": strip(0.012, 0.005)}]
+    run(scenario_from(json.dumps(document(300.0, held)), tmp_path / "s.yaml", {}), out)
+    (found,) = [check for check in Results(out).trust if check.name == NAME]
+    assert found.verdict is TrustVerdict.BROKEN
+    assert "the temperature of plate.bottom" in found.sentence
