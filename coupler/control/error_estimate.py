@@ -22,6 +22,9 @@ import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
+import numpy as np
+from numpy.typing import NDArray
+
 from coupler.control.body_strain import NO_CELLS, BodyCells
 from coupler.control.quantities import (
     apart,
@@ -33,7 +36,7 @@ from coupler.control.quantities import (
     second_differences,
     third_difference,
 )
-from coupler.control.unannounced import front_moves, gap_closes
+from coupler.control.unannounced import faces_otherwise, front_moves, gap_closes
 from coupler.errors import in_words
 from coupler.scenario.options import ErrorTolerances, Iteration, Scheme, Seen, Tolerance
 from coupler.schemes.accounts import AHEAD
@@ -159,19 +162,22 @@ class Estimate:
         return max((v for name, v in values.items() if quantity_of(name) == quantity), default=None)
 
 
-def wanted(memory: Memory, start: CoupledState, span: Span, scheme: Scheme, end: Level) -> bool:
-    """Whether a window should be solved in two halves too: nothing is known, what is known is old, a front moves, or a
-    gap closes or opens.
+def wanted(memory: Memory, start: CoupledState, span: Span, scheme: Scheme, end: Level,
+           pairs: Sequence[NDArray[np.intp]] = ()) -> bool:
+    """Whether a window should be solved in two halves too: nothing is known, what is known is old, a front moves, a
+    gap closes or opens, or a pair faces otherwise than before.
 
-    end : the level to which the window came in one.
+    end : the level to which the window came in one.  pairs : the pair nodes of each pair.
     """
     H, known = span.end - start.now.t, memory.of(scheme)
     return (not known.ratios or known.left <= 0 or not start.past
             # fault: errors carried on while a front moves -> or not 1.0 / CHANGED <= H / known.H <= CHANGED |
             #   coupler/test_estimate
             or not 1.0 / CHANGED <= H / known.H <= CHANGED or front_moves(start)
-            # fault: a window in which a gap closes is not measured -> ) | coupler/test_estimate
-            or gap_closes(start.now, end))
+            # fault: a window in which a gap closes is not measured -> or False | coupler/test_estimate
+            or gap_closes(start.now, end)
+            # fault: where a surface slides off another the error is carried on -> ) | coupler/test_sliding_off
+            or faces_otherwise(pairs, start, end))
 
 
 def estimate(memory: Memory, start: CoupledState, solved: Solved, tolerance: ErrorTolerances,

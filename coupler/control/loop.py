@@ -235,7 +235,7 @@ def _carried(at: Committed, plan: Plan, span: Span, solved: Solved) -> Estimate 
     solving in one and in two makes.
     """
     if plan.adaptive is None or not solved.taken or error_estimate.wanted(
-            at.control.estimate, at.state, span, solved.scheme, solved.state.now):
+            at.control.estimate, at.state, span, solved.scheme, solved.state.now, plan.pairs):
         return None
     return _estimated(at, plan, solved)
 

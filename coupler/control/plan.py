@@ -60,6 +60,7 @@ class Plan:
     steady_data : whether no datum and no rule changes with time what acts on the scene.
     steady_T : whether temperatures are those of a steady state at any time.
     mechanical : (n,) which of those the mechanical half makes; (0,): none.  cells : of each body, of the scene's mesh.
+    pairs : the pair nodes of each pair.
     """
 
     schedule: Schedule
@@ -76,6 +77,7 @@ class Plan:
     watched: Callable[[Level], NDArray[np.float64]] = lambda level: np.empty(0)
     mechanical: NDArray[np.bool_] = field(default_factory=lambda: np.empty(0, dtype=bool))
     cells: BodyCells = NO_CELLS
+    pairs: tuple[NDArray[np.intp], ...] = ()
     steady_data: bool = False
     steady_T: bool = False
 

@@ -19,7 +19,9 @@ from coupler.schemes.state import ELASTIC_STRAIN, Solved
 
 Array = NDArray[np.float64]
 
-HEAT = ("heat.contact.slave", "heat.gap.slave")
+# fault: near radiation is no heat between bodies -> HEAT = ("heat.contact.slave", "heat.gap.slave") |
+#   coupler/test_sliding_off
+HEAT = ("heat.contact.slave", "heat.gap.slave", "heat.near_radiation.slave")
 FRICTION = ("heat.friction.slave", "heat.friction.master")
 QUANTITIES = ("temperature", "gap", "heat", "displacement", ELASTIC_STRAIN)
 

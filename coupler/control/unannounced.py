@@ -1,8 +1,13 @@
-"""Windows whose error no window before them announces: a gap closes or opens in them, or a front moves."""
+"""Windows whose error no window before them announces: a gap closes or opens in them, a front moves, or a pair that
+slides begins, ends or goes on to face otherwise than before.
+"""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
+from numpy.typing import NDArray
 
 from coupler.schemes.levels import Level
 from coupler.schemes.state import CoupledState
@@ -47,3 +52,23 @@ def front_moves(start: CoupledState) -> bool:
     """
     now, before = start.now.f_s, start.past[0].f_s
     return now is not None and before is not None and float(np.abs(now - before).max(initial=0.0)) > FRONT
+
+
+# Of the surface of a pair that faces the other side: a line through the last two levels tells it as nearly as this
+# where surfaces slide.  Where one comes to the end of the other, or leaves it, that area has a kink: until then its
+# line was exact, so the ratio of an error to its bend is 0 and stays 0 however much the area misses the line by.
+FACED = 0.05
+
+
+def faces_otherwise(pairs: Sequence[NDArray[np.intp]], start: CoupledState, end: Level) -> bool:
+    """Whether some pair faces the other side otherwise at the end of a window than it was about to at its start.
+
+    pairs : the pair nodes of each.  start : with the level before it in `past`.
+    """
+    now, before = start.now, start.past[0]
+    w = (end.t - now.t) / (now.t - before.t)
+    for nodes in pairs:
+        a, b, c = (float(level.covered[nodes].sum()) for level in (before, now, end))
+        if abs(c - b - w * (b - a)) > FACED * max(b, c):
+            return True
+    return False

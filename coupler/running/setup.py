@@ -181,4 +181,5 @@ def plan_of(scenario: Scenario) -> Plan:
                        or any(rule.changes_loads for rule in scenario.rules))
     return Plan(schedule(c.end, c.windows, c.kinks, c.bends), c.scheme, c.substeps, c.iteration, c.adaptive, locate,
                 c.on_cycle, c.on_unstable, c.steady, scenario.rules, cells=body_cells(interface),
+                pairs=tuple(pair.nodes for pair in pair_nodes_of(interface) if not pair.tied),
                 steady_data=steady_data, steady_T=is_steady(scenario.models))
