@@ -1,8 +1,8 @@
 """Whether nodes lie close enough for what is stated over place and read at nodes alone.
 
-A start temperature and a prescribed temperature are read at nodes, with straight lines between them.  A part of their
-table that is narrower than a cell is missed, or as wide as the cells about a node: a hot strip between two rows of
-nodes is not there at all, and the run goes on as if nothing had been stated.
+A start temperature and what is prescribed, temperature or displacement, are read at nodes, with straight lines between
+them.  A part of their table that is narrower than a cell is missed, or as wide as the cells about a node: a hot strip
+between two rows of nodes is not there at all, and the run goes on as if nothing had been stated.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from coupler.trust.thermal_data import stated_data
 Array = NDArray[np.float64]
 
 NAME = "data over place read at nodes"
-# Of what is stated, over the least of it: what is seen in a curve, and what no sketch may be off by.
+# Of what is stated: what is seen in a curve, and what no sketch may be off by.
 NOTE_AT, LIMIT = 0.02, 0.2
 SAMPLES = 32  # along a side of a cell or an edge; a part that is narrower than a cell is seen down to some 1/30 of it
 AT_ONCE = 512  # cells
@@ -32,7 +32,8 @@ SLIVER = 1e-9  # of a cell: a bend so near to its nodes is at them
 
 @dataclass(frozen=True)
 class _Read:
-    """where : in words.  off : what nodes say less what is stated, over what is stated; both over the least of it.
+    """where : in words.  off : what nodes say less what is stated, over what is stated above the least of it, or below
+    the largest if that is less.
 
     narrow [m] : the narrowest part of its tables.
     """
@@ -42,9 +43,10 @@ class _Read:
     narrow: float
 
 
-def checks(interface: Interface, model: Mapping[str, Any]) -> tuple[Check, ...]:
-    """Return the row of a model.json of a thermal half; none where no table bends between nodes."""
-    found = [read for where, spec, corners in _specs(interface, model)
+def checks(interface: Interface, thermal: Mapping[str, Any], mechanical: Mapping[str, Any]) -> tuple[Check, ...]:
+    """Return the row of both halves' model.json; none where no table bends between nodes."""
+    specs = (*_of_heat(interface, thermal), *_of_motion(interface, mechanical))
+    found = [read for where, spec, corners in specs
              if (read := _read(where, field_from(spec), corners)) is not None]
     if not found:
         return ()
@@ -52,12 +54,12 @@ def checks(interface: Interface, model: Mapping[str, Any]) -> tuple[Check, ...]:
     more = "more" if worst.off > 0.0 else "less"
     return (measured(NAME, abs(worst.off), (NOTE_AT, LIMIT),
                      what=f"{worst.where} bends between nodes, which read {100.0 * abs(worst.off):.3g} % {more} of it "
-                          "than is stated, above its least value",
+                          "than is stated, above its least value or below its largest",
                      remedy=f"Put nodes where its table bends, or make cells there smaller than {worst.narrow:.3g} m, "
                             "its narrowest part"),)
 
 
-def _specs(interface: Interface, model: Mapping[str, Any]) -> Iterator[tuple[str, Any, Array]]:
+def _of_heat(interface: Interface, model: Mapping[str, Any]) -> Iterator[tuple[str, Any, Array]]:
     """Name and form of each sum of terms, and the corners of cells or edges : (n, 2, 3 or 4, 2) [m] that read it."""
     for p, part in enumerate(interface.parts):
         body, _, region = part.partition(".")
@@ -74,6 +76,16 @@ def _specs(interface: Interface, model: Mapping[str, Any]) -> Iterator[tuple[str
             yield f"the temperature of {stated_one.on}", given, interface.nodes[interface.surfaces[stated_one.on]]
 
 
+def _of_motion(interface: Interface, model: Mapping[str, Any]) -> Iterator[tuple[str, Any, Array]]:
+    """The same of prescribed displacements, which are read where nodes are drawn."""
+    for condition in model.get("boundary", ()):
+        on = condition.get("on")
+        for key in ("u_x", "u_y"):
+            given = condition.get(key)
+            if isinstance(given, Mapping) and "terms" in given and on in interface.surfaces:
+                yield f"{key} of {on}", given, interface.nodes[interface.surfaces[on]]
+
+
 def _read(where: str, data: Field, corners: Array) -> _Read | None:
     """How far what nodes read of a field is from it; None where none of its tables bends within a cell.
 
@@ -85,20 +97,22 @@ def _read(where: str, data: Field, corners: Array) -> _Read | None:
     level = np.array([signal.value[np.abs(signal.value).argmax()] for signal in data.signals])
     nodal, size = _values(data, level, corners), _shares(corners).sum(axis=1)
     whole = float(size[~crossed] @ nodal[~crossed].mean(axis=1))
-    low, over, off = float(nodal.min()), 0.0, 0.0
+    low, high, over, off = float(nodal.min()), float(nodal.max()), 0.0, 0.0
     N = _places(corners.shape[1])
     # So many at once that their places take some 10 MB.
     for some in np.array_split(np.flatnonzero(crossed), math.ceil(crossed.sum() / AT_ONCE)):
         stated, shares = _values(data, level, N @ corners[some]), _shares(corners[some])
-        low = min(low, float(stated.min()))
+        low, high = min(low, float(stated.min())), max(high, float(stated.max()))
         over += float((shares * stated).sum())
         off += float((shares * (nodal[some] @ N.T - stated)).sum())
-    given = whole + over - low * float(size.sum())
+    # What is stated rises from one level, or sinks from it.
+    rises, sinks = whole + over - low * float(size.sum()), high * float(size.sum()) - whole - over
+    given, more = (rises, off) if rises <= sinks else (sinks, -off)
     tables = [profile.at for term in data.terms for profile in (term.x, term.y)
               if profile is not None and profile.at is not None]
     # Of a jump, which is stated by two places side by side, the plateaus count.
     narrow = min(float((at[2:] - at[:-2]).min()) if len(at) > 2 else float(at[1] - at[0]) for at in tables)
-    return _Read(where, off / given if given > 0.0 else 0.0, narrow)
+    return _Read(where, more / given if given > 0.0 else 0.0, narrow)
 
 
 def _crossed(data: Field, corners: Array) -> NDArray[np.bool_]:

@@ -114,7 +114,7 @@ class TrustWatch:
         self._stored = stored.StoredHeat(interface, models["thermal"], "thermal" in self._own_meshes,
                                          ignored)
         self._placed = skipped.PlacedData(interface, models["thermal"])
-        self._at_nodes = at_nodes.checks(interface, models["thermal"])
+        self._at_nodes = at_nodes.checks(interface, models["thermal"], models["mechanical"])
         self._motion = motion.Motion(models["mechanical"], interface, substeps)
         self._prescribed = models["mechanical"].get("half") == "rigid"
         self._inside = np.flatnonzero(interface.node_body >= 0)

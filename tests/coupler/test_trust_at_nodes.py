@@ -36,7 +36,7 @@ def document(T0: Any, boundary: list[Any] | None = None, cells: tuple[int, int] 
 
 def row(tmp_path: Path, *args: Any, **more: Any) -> Any:
     scenario = scenario_from(json.dumps(document(*args, **more)), tmp_path / "s.yaml", {})
-    found = checks(scenario.interface, scenario.models["thermal"])
+    found = checks(scenario.interface, scenario.models["thermal"], scenario.models["mechanical"])
     return found[0] if found else None
 
 
@@ -87,3 +87,22 @@ def test_a_prescribed_temperature_too_and_the_run_ends_so(tmp_path):
     (found,) = [check for check in Results(out).trust if check.name == NAME]
     assert found.verdict is TrustVerdict.BROKEN
     assert "the temperature of plate.bottom" in found.sentence
+
+
+def test_a_prescribed_displacement_too(tmp_path):
+    """A dent of 5 mm, pressed into an edge with nodes at every 10 mm, between two of them."""
+    doc = document(300.0)
+    doc["materials"]["steel"] |= {"E": 2.0e11, "nu": 0.3, "alpha": 0.0, "T_ref": 300.0}
+    at = {"at": [0.012, 0.0145, 0.017], "value": [0.0, -1.0e-5, 0.0]}
+    doc["mechanical"] = {"half": "elastic", "elastic": {"boundary": [
+        {"on": "plate.bottom", "u_x": 0.0, "u_y": 0.0}, {"on": "plate.top", "u_y": {"terms": [{"x": at}]}}]}}
+    scenario = scenario_from(json.dumps(doc), tmp_path / "s.yaml", {})
+    (found,) = checks(scenario.interface, scenario.models["thermal"], scenario.models["mechanical"])
+    assert found.verdict is TrustVerdict.BROKEN
+    assert "u_y of plate.top bends between nodes, which read 100 % less of it" in found.sentence
+
+
+def test_what_is_cold_is_missed_as_what_is_hot(tmp_path):
+    hot, cold = (row(tmp_path, strip(0.012, 0.005, over=over)) for over in (100.0, -100.0))
+    assert hot.number == pytest.approx(cold.number)
+    assert "less of it" in cold.sentence
