@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from contact.half.functions import Field
+from contact.half.functions import SLIVER, Field
 
 Floats = NDArray[np.float64]
 Numbers = NDArray[np.intp]
@@ -24,8 +24,6 @@ BARYCENTRIC: Floats = np.array([[1.0, 1.0, 1.0]] + [
     [a if j != i else 3.0 - 2.0 * a for j in range(3)] for a in (3.0 * _A, 3.0 * _B) for i in range(3)]) / 3.0
 WEIGHT: Floats = np.array([9.0 / 40.0] + [(155.0 - np.sqrt(15.0)) / 1200.0] * 3
                           + [(155.0 + np.sqrt(15.0)) / 1200.0] * 3)
-# A part of a cell narrower than this share of it is no part.
-SLIVER = 1e-9
 # Places in a quad are found by Newton's method, from its middle; in one that is nearly a parallelogram by two steps.
 STEPS, CLOSE = 12, 1e-13
 
@@ -50,17 +48,14 @@ def parted_cells(field: Field, corners: Floats, axisymmetric: bool) -> PartedCel
 
     corners : (ne, 3 or 4, 2) [m] of the cells, anticlockwise.
     """
-    low, high = corners.min(axis=1), corners.max(axis=1)
-    margin = SLIVER * (high - low)
-    crossed = np.zeros(len(corners), dtype=bool)
-    for axis, kinks in enumerate(field.kinks):
-        first = np.searchsorted(kinks, low[:, axis] + margin[:, axis], "right")
-        crossed |= first < np.searchsorted(kinks, high[:, axis] - margin[:, axis], "left")
+    crossed = field.bends_within(corners)
     # fault: cells are not parted where a source kinks -> rows = np.flatnonzero(crossed & False) |
     #   thermal_fmu/test_source_strip
     rows = np.flatnonzero(crossed & _convex(corners))
     if not rows.size:
         return None
+    low, high = corners.min(axis=1), corners.max(axis=1)
+    margin = SLIVER * (high - low)
     fans = [(0, 1, 2)] if corners.shape[1] == 3 else [(0, 1, 2), (0, 2, 3)]
     of = np.tile(rows, len(fans))
     triangles = np.concatenate([corners[rows][:, list(fan)] for fan in fans])

@@ -118,6 +118,10 @@ class Profile:
         return np.interp(s, self.at, self.value)
 
 
+# A part of a cell or of an edge that is less than this share of it is no part.
+SLIVER = 1e-9
+
+
 @dataclass(frozen=True)
 class FieldTerm:
     """t(time) x(x) y(y); a profile that is None is 1."""
@@ -178,6 +182,21 @@ class Field:
             tables = [p.at for p in profiles if p is not None and p.at is not None]
             found.append(np.unique(np.concatenate(tables)) if tables else np.empty(0))
         return found[0], found[1]
+
+    def bends_within(self, corners: Floats) -> NDArray[np.bool_]:
+        """Say, (n,), in which cells or edges a profile changes its slope, but for changes at their own sides.
+
+        corners : (n, 2 of an edge, 3 or 4, 2) [m].
+        """
+        low, high = corners.min(axis=1), corners.max(axis=1)
+        margin = SLIVER * (high - low)
+        found = np.zeros(len(corners), dtype=bool)
+        for axis, kinks in enumerate(self.kinks):
+            first = np.searchsorted(kinks, (low + margin)[:, axis], "right")
+            # fault: bends between nodes are not looked for -> found |= False & (first > 0) |
+            #   coupler/test_trust_at_nodes thermal_fmu/test_source_strip
+            found |= first < np.searchsorted(kinks, (high - margin)[:, axis], "left")
+        return found
 
     def at(self, x: Floats, t: float, side: int = 1) -> Floats:
         """Return the values (n,), in the unit of the field, at coordinates x : (n, 2) [m] and time t [s]."""

@@ -27,7 +27,6 @@ NAME = "data over place read at nodes"
 NOTE_AT, LIMIT = 0.02, 0.2
 SAMPLES = 32  # along a side of a cell or an edge; a part that is narrower than a cell is seen down to some 1/30 of it
 AT_ONCE = 512  # cells
-SLIVER = 1e-9  # of a cell: a bend so near to its nodes is at them
 
 
 @dataclass(frozen=True)
@@ -91,7 +90,7 @@ def _read(where: str, data: Field, corners: Array) -> _Read | None:
 
     corners : (n, 2 of an edge, 3 or 4, 2) [m].
     """
-    crossed = _crossed(data, corners)
+    crossed = data.bends_within(corners)
     if not crossed.any():
         return None
     level = np.array([signal.value[np.abs(signal.value).argmax()] for signal in data.signals])
@@ -113,18 +112,6 @@ def _read(where: str, data: Field, corners: Array) -> _Read | None:
     # Of a jump, which is stated by two places side by side, the plateaus count.
     narrow = min(float((at[2:] - at[:-2]).min()) if len(at) > 2 else float(at[1] - at[0]) for at in tables)
     return _Read(where, more / given if given > 0.0 else 0.0, narrow)
-
-
-def _crossed(data: Field, corners: Array) -> NDArray[np.bool_]:
-    """(n,) in which cells a table of the field bends."""
-    low, high = corners.min(axis=1), corners.max(axis=1)
-    margin = SLIVER * (high - low)
-    found = np.zeros(len(corners), dtype=bool)
-    for axis, kinks in enumerate(data.kinks):
-        first = np.searchsorted(kinks, (low + margin)[:, axis], "right")
-        # fault: bends between nodes are not looked for -> found |= False & (first > 0) | coupler/test_trust_at_nodes
-        found |= first < np.searchsorted(kinks, (high - margin)[:, axis], "left")
-    return found
 
 
 def _values(data: Field, level: Array, x: Array) -> Array:
