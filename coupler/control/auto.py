@@ -23,7 +23,8 @@ from numpy.typing import NDArray
 
 from coupler.control.cost import SchemeCosts, learned
 from coupler.control.error_estimate import Estimate
-from coupler.control.unannounced import THIN, front_moves
+from coupler.control.gain import ROUND_OFF
+from coupler.control.unannounced import front_moves, thin
 from coupler.scenario.options import Iteration, MeasuredIteration, Scheme, Seen
 from coupler.schemes.accounts import AHEAD
 from coupler.schemes.ledger import MOVED
@@ -90,8 +91,9 @@ OTHER_TOUCH = 0.25
 # So may what heat across open gaps can feed back, which goes with 1/gap^2, by this factor.
 OTHER_GAPS = 4.0
 # Misses of the prediction that turn round so many times on end and are at least MAX_GAIN_DAMPED times as long each
-# time, above LEAST_MISS [K], are an alternation that hardly dies: rho is measured at once.
-TURNS, OPPOSITE, LEAST_MISS = 3, 0.5, 1e-4
+# time, above LEAST_MISS of the differences of temperature, or what solvers leave where all is even, are an alternation
+# that hardly dies: rho is measured at once.
+TURNS, OPPOSITE, LEAST_MISS = 3, 0.5, 1e-6
 # Below this part of what a window changes they are not counted: an alternation of z is missed by 4 z, so what is less
 # than an eighth of the change is left alone.
 # fault: auto counts misses far smaller than the change -> MIN_VISIBLE = 0.0 | coupler/test_auto
@@ -346,9 +348,9 @@ def _moved(memory: Memory, start: CoupledState, solved: Solved) -> tuple[Memory,
 
 
 def open_gaps(level: Level) -> float:
-    """The sum of 1/gap^2 over points that face another body and do not touch it [1/m2]; thin ones count as THIN."""
+    """The sum of 1/gap^2 over points that face another body and do not touch it [1/m2]; thin ones count as `thin`."""
     gap = level.gap[np.isfinite(level.gap) & (level.covered > 0.0)]
-    return float((1.0 / np.maximum(gap[gap > 0.0], THIN)**2).sum())
+    return float((1.0 / np.maximum(gap[gap > 0.0], thin(level))**2).sum())
 
 
 def rejected(memory: Memory) -> Memory:
@@ -433,7 +435,9 @@ def _watched(memory: Memory, start: CoupledState, solved: Solved) -> Memory:
         return replace(memory, miss=miss)
     a2, b2, along = float(last @ last), float(miss @ miss), float(last @ miss)
     turned = along < -OPPOSITE * math.sqrt(a2 * b2) and b2 >= MAX_GAIN_DAMPED**2 * a2
-    least = max(LEAST_MISS, MIN_VISIBLE * float(np.abs(now.T - start.now.T).max()))
+    # fault: misses of small differences of temperature are not seen -> floor = 1e-4 | coupler/test_auto
+    floor = max(LEAST_MISS * float(np.ptp(now.T)), ROUND_OFF * float(np.abs(now.T).max()))
+    least = max(floor, MIN_VISIBLE * float(np.abs(now.T - start.now.T).max()))
     # fault: auto never sees misses turn round -> turns = 0 if turned and float(np.abs(miss).max()) > least else 0 |
     #   coupler/test_auto
     turns = memory.turns + 1 if turned and float(np.abs(miss).max()) > least else 0

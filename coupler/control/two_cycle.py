@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from coupler.scenario.options import OnCycle, Scheme, Seen
-from coupler.schemes.levels import Level
+from coupler.schemes.levels import Level, extent
 from coupler.schemes.state import Settings
 
 Array = NDArray[np.float64]
@@ -26,8 +26,9 @@ GROWING = 3
 # multiplied by -.98 a window only converges; the increments of a two-cycle are all as long.
 # fault: what shrinks by a tenth a window called a cycle -> TURNS, LASTING = 4, 0.9 | coupler/test_cycle_action
 TURNS, LASTING = 4, 0.99
-# Below these an increment is round-off and iteration error: T [K], gap [m], t_N [Pa].
-FLOORS = {"temperature": 1e-3, "gap": 1e-8, "pressure": 1e3}
+# Below these shares an increment is round-off and iteration error: of the differences of T (of T itself, where all is
+# even), of the size of the scene, of the largest pressure.
+FAINT_T, EVEN_T, FAINT_GAP, FAINT_PRESSURE = 1e-5, 1e-10, 1e-7, 1e-4
 # A contraction of plain iteration up to this, (b dt/2)/(1 + a dt) <= .4, means b dt < 1 where a dt is small: every
 # scheme of one solve a half is stable there (docs/theory.md, limits of stability).
 CALM = 0.4
@@ -87,7 +88,8 @@ class Watch:
         faced = np.minimum(before.covered, now.covered)
         news = {"temperature": now.T - before.T, "pressure": now.t_N - before.t_N,
                 "gap": (now.gap - before.gap) * faced if known else (now.x - before.x).ravel()}
-        swings = {name: swung(self.swings.get(name), d, FLOORS[name]) for name, d in news.items() if d.size}
+        floors = _floors(before, now)
+        swings = {name: swung(self.swings.get(name), d, floors[name]) for name, d in news.items() if d.size}
         return replace(self, swings=swings)
 
     @property
@@ -108,6 +110,15 @@ class Watch:
     def tell(self) -> Watch:
         """The watch after its finds were told: each quantity once."""
         return replace(self, told=self.told | set(self.cycling)) if self.cycling else self
+
+
+def _floors(before: Level, now: Level) -> dict[str, float]:
+    """Return quantity -> what an increment is at least to be one, in its unit."""
+    T = max(FAINT_T * float(np.ptp(before.T)), EVEN_T * float(np.abs(before.T).max()))
+    p = max(float(np.abs(t_N).max(initial=0.0)) for t_N in (before.t_N, now.t_N))
+    # fault: floors of cycles are fixed numbers -> return {"temperature": 1e-3, "gap": 1e-8, "pressure": 1e3} |
+    #   coupler/test_schemes::test_a_cycle_is_seen_in_a_scene_of_any_size
+    return {"temperature": T, "gap": FAINT_GAP * extent(before), "pressure": FAINT_PRESSURE * p}
 
 
 def swung(last: Swing | None, increment: Array, floor: float) -> Swing:

@@ -9,7 +9,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from coupler.schemes.levels import Level
+from coupler.schemes.levels import Level, extent
 from coupler.schemes.state import CoupledState
 
 # Gaps that close or open within one window: there its error has no order yet, and nothing before it announces it.
@@ -20,10 +20,17 @@ from coupler.schemes.state import CoupledState
 
 # A gap that falls to, or rises from, less than this share of itself: over that 1/gap is no parabola.
 SHARE = 0.1
-# [m] A hundredth of a gas layer of 10 um: a gap that was never wider changes no law of conductance by more than 1 %.
-THIN = 1e-7
+# Of the size of the scene: bodies of 100 mm have layers of gas of 10 um between them, and a gap that was never wider
+# than a hundredth of that changes no law of conductance by more than 1 %.
+THIN = 1e-6
 # A node is wholly faced from this share on.
 WHOLLY = 0.999
+
+
+def thin(level: Level) -> float:
+    """Return the widest gap that counts as thin [m]."""
+    # fault: what is thin is a fixed length -> return 1e-7 | coupler/test_estimate
+    return THIN * extent(level)
 
 
 def gap_closes(start: Level, end: Level) -> bool:
@@ -37,7 +44,7 @@ def gap_closes(start: Level, end: Level) -> bool:
     faced &= (start.covered > WHOLLY) & (end.covered > WHOLLY)
     a, b = (np.maximum(level.gap[faced], 0.0) for level in (start, end))
     wider = np.maximum(a, b)
-    return bool(((wider > THIN) & (np.minimum(a, b) < SHARE * wider)).any())
+    return bool(((wider > thin(start)) & (np.minimum(a, b) < SHARE * wider)).any())
 
 
 # A solid fraction that changes by more moves a front; less is what Newton leaves.

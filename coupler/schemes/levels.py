@@ -40,6 +40,15 @@ class Level:
 Slope = tuple[Level, Level]  # two levels, the earlier first, between which x and t_N change as over the window
 
 
+# What a single node, which stands for a body of no extent, is taken for [m].
+NODE = 0.1
+
+
+def extent(level: Level) -> float:
+    """Return the largest extent of a scene [m], bodies apart included."""
+    return float(np.ptp(level.x, axis=0).max()) or NODE
+
+
 def geometry_at(now: Level, slope: Slope | None, t: float, bodies: Bodies | None = None) -> tuple[Array, Array]:
     """Return x (n_nodes, 2) [m] and t_N (n_q,) [Pa] that the thermal half is given for a substep with its middle at t.
 

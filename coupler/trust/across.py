@@ -9,7 +9,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from coupler.trust.checks import Check, amount, measured
-from coupler.trust.temperatures import LEAST_SPAN
 
 LIMITS = (0.02, 0.2)  # of the span of temperatures: noted, broken
 NAME = "one temperature across bodies"
@@ -37,7 +36,7 @@ def checks(log: AcrossLog, span: float) -> tuple[Check, ...]:
         return ()
     # fault: a body that is warm at one side and cold at the other is trusted -> share = 0.0 |
     #   coupler/test_trust_across
-    share = log.off / max(span, log.off, LEAST_SPAN)
+    share = log.off / max(span, log.off) if log.off > 0.0 else 0.0
     what = (f"surfaces differ by up to {amount(log.off, 'K')} from the one temperature that stands for what is behind "
             f"them, {100 * share:.3g} % of the span of temperatures, at t = {log.t:.6g} s: the Biot number is not "
             "small")

@@ -15,7 +15,6 @@ from dataclasses import dataclass, field
 
 from coupler.schemes.state import T_MISSED
 from coupler.trust.checks import Check, amount, measured
-from coupler.trust.temperatures import LEAST_SPAN
 
 LIMITS = (0.05, 0.2)  # of the span of temperatures: noted, broken
 NAME = "cells fine enough for heat"
@@ -51,12 +50,11 @@ def checks(log: HeatMeshLog, span: float, meeting: Iterable[tuple[str, str]]) ->
     both = ({a, b} for a, b in meeting if a in log.T_missed and b in log.T_missed)
     found = [(sum(log.T_missed[b] for b in of), sorted(of)) for of in (*({b} for b in log.T_missed), *both)]
     off, worst = max(found, key=lambda one: one[0])
-    # Bodies that rub a little warm by a billionth of a kelvin: nothing depends on a heat that moves so little.
+    # Bodies that rub a little warm by a billionth of a kelvin: nothing depends on a heat that moves so little, and a
+    # span is no less than a share of the temperatures.
     # fault: heat that cells are too large for is trusted -> share = 0.0 |
     #   coupler/test_trust_heat_mesh::test_what_bodies_that_meet_miss_is_added
-    # fault: a warmth of next to nothing is held against itself -> share = off / max(span, off, 1e-300) |
-    #   coupler/test_trust_heat_mesh::test_bodies_that_hardly_warm_are_not_held_against_their_own_warmth
-    share = off / max(span, off, LEAST_SPAN)
+    share = off / max(span, off) if off > 0.0 else 0.0
     more = max(2, math.ceil(math.sqrt(share / LIMITS[0])))
     return (measured(
         NAME, share, LIMITS, t=log.t,

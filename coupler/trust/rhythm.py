@@ -24,7 +24,7 @@ NOTE_AT, LIMIT = 1e-3, 1e-2
 # Periods looked for [windows], how nearly a cycle comes back, as a share of its height, and how often it must.
 LEAST_PERIOD, MOST_PERIOD, RETURNS, ROUNDS = 3, 7, 0.1, 3
 RINGS, CYCLES = "no ringing in time", "no cycle of the exchange"
-FLOOR = 1e-2  # K; changes below are round-off and iteration error
+FAINT = 1e-5  # of the span of all temperatures: changes below are round-off and iteration error
 
 
 @dataclass(frozen=True)
@@ -55,10 +55,12 @@ class RhythmLog:
 def watched(log: RhythmLog, levels: tuple[Level, Level], span: float, means: Array, fresh: bool) -> RhythmLog:
     """Return the log after one more window.
 
-    levels : at its start and its end.  span : [K] of all temperatures so far.  means : (n_bodies,) [K] of the bodies at
-    its end.  fresh : the window begins at a breakpoint or a jump of the data.
+    levels : at its start and its end.  span : [K] of all temperatures so far, above 0.  means : (n_bodies,) [K] of the
+    bodies at its end.  fresh : the window begins at a breakpoint or a jump of the data.
     """
-    return _cycles(_ringing(log, levels, max(span, FLOOR), fresh), levels[1].t, means, fresh)
+    # fault: small scenes may ring and cycle -> span = max(span, 1e3) |
+    #   coupler/test_trust::test_small_differences_of_temperature_ring_and_cycle_like_large_ones
+    return _cycles(_ringing(log, levels, span, fresh), levels[1].t, means, FAINT * span, fresh)
 
 
 def _ringing(log: RhythmLog, levels: tuple[Level, Level], span: float, fresh: bool) -> RhythmLog:
@@ -74,10 +76,10 @@ def _ringing(log: RhythmLog, levels: tuple[Level, Level], span: float, fresh: bo
     worst = int(rings.argmax())
     share = float(rings[worst]) / span
     # fault: ringing is not seen -> return log | coupler/test_trust
-    return replace(log, share=share, node=worst, t=now.t) if rings[worst] > FLOOR and share > log.share else log
+    return replace(log, share=share, node=worst, t=now.t) if share > max(log.share, FAINT) else log
 
 
-def _cycles(log: RhythmLog, t: float, row: Array, fresh: bool) -> RhythmLog:
+def _cycles(log: RhythmLog, t: float, row: Array, floor: float, fresh: bool) -> RhythmLog:
     ranges = np.array([row, row]) if not log.ranges.size else np.array([np.minimum(log.ranges[0], row),
                                                                         np.maximum(log.ranges[1], row)])
     kept = np.empty((0, len(row))) if fresh or not log.history.size else log.history
@@ -87,7 +89,7 @@ def _cycles(log: RhythmLog, t: float, row: Array, fresh: bool) -> RhythmLog:
         return log
     # What does not come back at all, as most courses do not, ends the search here.
     highest, now_and_then = np.ptp(history[-MOST_PERIOD - 1:], axis=0), history[-MOST_PERIOD - 1:-LEAST_PERIOD]
-    if not ((np.abs(now_and_then - row) <= RETURNS * highest) & (highest > FLOOR)).any():
+    if not ((np.abs(now_and_then - row) <= RETURNS * highest) & (highest > floor)).any():
         return log
     # fault: cycles are not seen -> for period in (): | coupler/test_trust
     for period in range(LEAST_PERIOD, MOST_PERIOD + 1):
@@ -98,8 +100,8 @@ def _cycles(log: RhythmLog, t: float, row: Array, fresh: bool) -> RhythmLog:
         height = np.ptp(last[-period - 1:], axis=0)
         back = np.abs(last[period:] - last[:-period]).max(axis=0)
         # Each round goes up and down: a slow drift comes back to nothing.
-        share = np.where((back <= RETURNS * height) & (height > FLOOR),
-                         height / np.maximum(np.ptp(ranges, axis=0), FLOOR), 0.0)
+        share = np.where((back <= RETURNS * height) & (height > floor),
+                         height / np.maximum(np.ptp(ranges, axis=0), floor), 0.0)
         column = int(share.argmax())
         if share[column] > log.cycle_share:
             log = replace(log, period=period, cycle_share=float(share[column]), column=column, cycle_t=t)

@@ -23,7 +23,9 @@ from coupler.trust.thermal_data import stated_data
 Array = NDArray[np.float64]
 
 NOTE_AT, LIMIT = 1e-6, 1e-3  # of the span; round-off and iteration lie below, consistent elements between
-LEAST_SPAN = 1e-3  # K; a scene at rest has no span
+# Of the largest temperature: what a scene at rest has for a span, so that nothing is held against a warmth of next to
+# nothing (3 uK of a room), and what numbers leave.
+LEAST_SPAN, ROUND_OFF = 1e-8, 1e-13
 MADE = ("source", "flux", "mechanical", "friction.slave", "friction.master")
 """Terms of the ledger by which heat comes from nowhere; `entropy` goes both ways."""
 NAME = "temperatures within their data"
@@ -53,7 +55,20 @@ class TemperatureLog:
     def span(self) -> float:
         """Of all temperatures so far, those of the data too [K]."""
         # fault: a body that hardly warms has no span -> return self.most - self.least | coupler/test_trust_across
-        return max(self.high, self.most) - min(self.low, self.least)
+        return max(max(self.high, self.most) - min(self.low, self.least), self.least_span)
+
+    @property
+    def own_span(self) -> float:
+        """Of all temperatures so far, without the data [K]."""
+        return max(self.most - self.least, self.least_span)
+
+    @property
+    def least_span(self) -> float:
+        """What a span is at least [K]."""
+        # fault: a scene of small differences is held against a fixed one -> return 1e-3 | coupler/test_trust
+        # fault: a warmth of next to nothing is held against itself -> return 1e-300 |
+        #   coupler/test_trust_heat_mesh::test_bodies_that_hardly_warm_are_not_held_against_their_own_warmth
+        return LEAST_SPAN * max(abs(self.most), abs(self.least))
 
 
 class TemperatureData:
@@ -161,7 +176,9 @@ def watched(log: TemperatureLog, data: TemperatureData, levels: tuple[Level, Lev
     for sign, bound, outside, free, span in (
             (-1.0, log.low, log.low - least, taken, max(log.high, log.most) - log.low),
             (1.0, log.high, most - log.high, made, log.high - min(log.low, log.least))):
-        share = outside / max(span, LEAST_SPAN)
+        # fault: what numbers leave is out of bounds -> left = 0.0 | coupler/test_trust
+        left = ROUND_OFF * max(abs(least), abs(most))
+        share = max(outside - left, 0.0) / max(span, log.least_span)
         # fault: what leaves its data is not seen -> if False: | coupler/test_trust
         if not free and share > found.share:
             found = replace(found, excess=sign * outside, bound=bound, share=share, t=now.t,

@@ -155,7 +155,7 @@ class TrustWatch:
                           unconverged=log.unconverged + (not known))
         return replace(
             log, windows=log.windows + 1, temperatures=warmth,
-            rhythm=rhythm.watched(log.rhythm, levels, warmth.most - warmth.least, self.means(now), fresh),
+            rhythm=rhythm.watched(log.rhythm, levels, warmth.own_span, self.means(now), fresh),
             passing=self._sides.watched(log.passing, before, now),
             unpaired=self._unpaired.watched(log.unpaired, now),
             penetration=self._yields.watched(log.penetration, now),

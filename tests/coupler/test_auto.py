@@ -199,6 +199,21 @@ def test_misses_that_turn_round_are_measured_and_then_believed_more_than_rho():
     assert quick.turns == 0
 
 
+@pytest.mark.parametrize("of", [1.0, 1e-5])
+def test_misses_count_in_scenes_of_small_differences_too(of):
+    """Differences of 100 K, or 1 mK, and misses of 1 K, or 10 uK."""
+    def with_differences(level, T):
+        return replace(level, T=np.array([300.0 + of * T, 300.0 + of * 100.0]))
+    state, memory = at_two(), Memory(rho=0.1, H=1.0, rest=64)
+    state = replace(state, now=with_differences(state.now, 0.0),
+                    past=tuple(with_differences(level, 0.0) for level in state.past))
+    for sign in (1.0, -1.0, 1.0, -1.0):
+        window = solved(Scheme.EXTRAPOLATED, 300.0)
+        window = replace(window, state=replace(window.state, now=with_differences(window.state.now, sign)))
+        memory = learn(memory, state, window, 1.0)
+    assert "measured again" in choose(memory, state, 1.0).reason
+
+
 def test_what_turns_round_without_the_exchange_does_not_make_auto_wary():
     memory, state = Memory(rho=0.004, H=1.0, rest=64), at_two()
     for sign in (1.0, -1.0, 1.0, -1.0):

@@ -322,6 +322,16 @@ def test_a_window_longer_by_what_has_become_slower_is_no_worse() -> None:
     assert told(fast, late).errors["temperature"] == pytest.approx(4.0 * told(known, late).errors["temperature"])
 
 
+@pytest.mark.parametrize("size", [1e-6, 1.0, 1e3])
+def test_a_gap_closes_in_a_scene_of_any_size(size: float) -> None:
+    """10 um of bodies of 100 mm, 10 pm of 100 nm; a nanometre, or a hundredth of an atom, closes nothing."""
+    def at(t: float, gap: float) -> Level:
+        made = level(t, 900.0, (size * 1e-3, size * gap))
+        return replace(made, x=size * np.array([[0.0, 0.0], [0.1, 0.0]]))
+    assert unannounced.gap_closes(at(0.0, 1e-5), at(1.0, 1e-7))
+    assert not unannounced.gap_closes(at(0.0, 1e-9), at(1.0, 1e-11))
+
+
 @pytest.mark.parametrize(("covered", "closes"), [(1.0, True), (0.5, False)])
 def test_nodes_at_the_end_of_a_surface_close_no_gap(covered: float, closes: bool) -> None:
     start, end = (level(t, 900.0, (1e-3, g), covered) for t, g in ((0.0, 1e-4), (1.0, 1e-6)))

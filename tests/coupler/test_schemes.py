@@ -91,10 +91,21 @@ def test_beyond_its_limit_it_cycles_and_that_is_noticed(factor, cycle):
 
 def test_what_swings_slowly_or_dies_is_no_cycle():
     t = np.arange(40.0)
-    for T in (np.sin(t * 2 * np.pi / 8), (-0.6) ** t, (-0.7) ** t, (-0.85) ** t, (-0.98) ** t, 1e-5 * (-1) ** t, t):
+    for T in (np.sin(t * 2 * np.pi / 8), (-0.6) ** t, (-0.7) ** t, (-0.85) ** t, (-0.98) ** t, 1e-8 * (-1) ** t, t):
         levels = [level(float(k), v) for k, v in zip(t, T, strict=True)]
         assert list(two_cycles(levels)) == []
     assert list(two_cycles([level(float(k), (-1) ** k) for k in range(40)])) == [(4, ("temperature",))]
+
+
+@pytest.mark.parametrize("size", [1e-6, 1.0, 1e3])
+def test_a_cycle_is_seen_in_a_scene_of_any_size(size):
+    """Of 100 mm, or 100 nm, with differences of 100 K or 0.1 mK, and 1 MPa or 1 Pa; smaller ones are none."""
+    def levels(share):
+        swing = [share * size * (-1.0) ** k for k in range(40)]
+        return [Level(float(k), np.array([900.0, 900.0 + 100.0 * size]) + 100.0 * s, size * np.diag([0.1, 0.1]),
+                      -1e6 * (size + s) * np.ones(1), 1e-3 * s * np.ones(1), np.ones(1)) for k, s in enumerate(swing)]
+    assert list(two_cycles(levels(1e-3))) == [(4, ("temperature", "pressure", "gap"))]
+    assert list(two_cycles(levels(1e-6))) == []
 
 
 def test_what_grows_is_told_a_turn_before_what_settles():

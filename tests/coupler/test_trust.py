@@ -73,6 +73,19 @@ def test_undershoot_is_measured_in_the_span_of_the_data(lowest, verdict):
         assert "below" in check.sentence
 
 
+@pytest.mark.parametrize("of", [1.0, 1e-4, 1e-6])
+def test_small_differences_are_held_against_their_own_span(of):
+    """800 K and 300 K, or 300.0005 K and 300 K."""
+    wall = ({"on": "low.bottom", "temperature": 300.0 + of * 500.0},)
+    check = judged([level(0.0), level(1.0, [300.0 - of, *[300.0 + of * 100.0] * 7])], wall)[WITHIN]
+    assert (check.verdict, check.number) == ("broken", pytest.approx(2e-3, rel=1e-4))
+
+
+def test_what_numbers_leave_is_not_out_of_bounds():
+    check = judged([level(0.0), level(1.0, [300.0 - 2e-11, *[300.0] * 7])])[WITHIN]
+    assert (check.verdict, check.number) == ("holds", 0.0)
+
+
 def test_data_count_up_to_now_and_on_both_sides_of_a_jump():
     jump = ({"on": "low.bottom", "temperature": {"t": [5.0, 5.0], "value": [300.0, 800.0]}},)
     early = judged([level(0.0), level(1.0, 310.0)], jump)[WITHIN]
@@ -141,6 +154,15 @@ def test_a_cycle_of_a_few_windows_is_told(period):
     check = judged(courses)[CYCLES]
     assert check.verdict == "broken"
     assert f"every {period} windows" in check.sentence
+
+
+@pytest.mark.parametrize("of", [1.0, 1e-4, 1e-6])
+def test_small_differences_of_temperature_ring_and_cycle_like_large_ones(of):
+    ringing = [level(float(k), [350.0 + of * 20.0 * (-1) ** k, 350.0 + of * 100.0, *[350.0] * 6]) for k in range(8)]
+    check = judged(ringing)[RINGS]
+    assert (check.verdict, check.number) == ("broken", pytest.approx(40.0 / 120.0, rel=1e-5))
+    cycle = [level(float(k), 350.0 + of * 30.0 * np.sin(2 * np.pi * k / 4)) for k in range(16)]
+    assert judged(cycle)[CYCLES].verdict == "broken"
 
 
 def test_an_oscillation_that_windows_resolve_is_physics():

@@ -73,6 +73,14 @@ def test_a_pressure_that_stays_is_held_against_what_it_settles_to(unit, verdict)
     assert errors.check(log, {"p": unit}, False).verdict == verdict
 
 
+@pytest.mark.parametrize("of", [1.0, 1e-3, 1e-6])
+def test_small_differences_of_temperature_are_held_against_their_own_range(of):
+    """A probe that goes from 300 K to 350 K and may be off by 25 K, or by 0.025 K of 0.05 K, or by 25 uK of 50 uK."""
+    seen = Looked(np.array([300.0 + 50.0 * of]), np.array([50.0 * of]), np.array([25.0 * of]))
+    found = errors.check(errors.watched(errors.begun(np.array([300.0])), seen, 1.0), {"T": "K"}, False)
+    assert (found.verdict, found.number) == (TrustVerdict.BROKEN, pytest.approx(0.5, rel=1e-5))
+
+
 def test_a_look_may_find_a_pressure_where_there_was_none():
     """Mechanics first: nothing presses in a window of which halves press with 600 MPa."""
     log = errors.watched(errors.begun(np.zeros(2)), Looked(np.zeros(2), np.zeros(2), np.array([6e8, 0.0])), 1.0)
