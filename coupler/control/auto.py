@@ -21,6 +21,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from coupler.control.contact_status import ROUND_OFF as TOUCH
 from coupler.control.cost import SchemeCosts, learned
 from coupler.control.error_estimate import Estimate
 from coupler.control.gain import ROUND_OFF
@@ -28,7 +29,7 @@ from coupler.control.unannounced import front_moves, thin
 from coupler.scenario.options import Iteration, MeasuredIteration, Scheme, Seen
 from coupler.schemes.accounts import AHEAD
 from coupler.schemes.ledger import MOVED
-from coupler.schemes.levels import DAMPED, Level, alternating_gain, closest, predicted
+from coupler.schemes.levels import DAMPED, Level, alternating_gain, closest, extent, predicted
 from coupler.schemes.scheme import CouplingScheme
 from coupler.schemes.schemes import scheme_of
 from coupler.schemes.state import CoupledState, Halves, IterationHistory, Solved
@@ -350,7 +351,9 @@ def _moved(memory: Memory, start: CoupledState, solved: Solved) -> tuple[Memory,
 def open_gaps(level: Level) -> float:
     """The sum of 1/gap^2 over points that face another body and do not touch it [1/m2]; thin ones count as `thin`."""
     gap = level.gap[np.isfinite(level.gap) & (level.covered > 0.0)]
-    return float((1.0 / np.maximum(gap[gap > 0.0], thin(level))**2).sum())
+    # fault: a gap of round-off is open -> touch = 0.0 | coupler/test_auto
+    touch = TOUCH * extent(level)
+    return float((1.0 / np.maximum(gap[gap > touch], thin(level))**2).sum())
 
 
 def rejected(memory: Memory) -> Memory:

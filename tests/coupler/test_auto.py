@@ -21,12 +21,13 @@ from coupler.control.auto import (
     choose,
     forgotten,
     learn,
+    open_gaps,
     runs_away,
     stable_window,
 )
 from coupler.scenario.options import Acceleration, Iteration, Scheme, Seen, Tolerance, Tolerances
 from coupler.schemes.ledger import MOVED
-from coupler.schemes.levels import DAMPED, alternating_gain
+from coupler.schemes.levels import DAMPED, Level, alternating_gain
 from coupler.schemes.state import IterationHistory, Solved, Verdict, Work
 
 sys.path.insert(0, str(Path(__file__).parent))
@@ -197,6 +198,13 @@ def test_misses_that_turn_round_are_measured_and_then_believed_more_than_rho():
     for miss in (1.0, -0.5, 0.25):
         quick = learn(quick, state, solved(Scheme.EXTRAPOLATED, 900.0 + miss), 1.0)
     assert quick.turns == 0
+
+
+def test_a_gap_of_round_off_is_none():
+    """Two bodies as drawn beside each other, 100 mm wide: nodes of a surface lie 1e-17 m off the other."""
+    gaps = np.array([1.4e-17, 0.0, 2e-3, 1e-9])
+    level = Level(0.0, np.zeros(4), np.diag([0.1, 0.1]), np.zeros(4), gaps, np.ones(4))
+    assert open_gaps(level) == pytest.approx(1.0 / 2e-3**2 + 1.0 / 1e-7**2)
 
 
 @pytest.mark.parametrize("of", [1.0, 1e-5])
