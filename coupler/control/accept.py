@@ -101,8 +101,8 @@ AT_LEAST = {
                              "leave (thermal runaway)",
     Verdict.MECHANICAL_DISCARD: "Everything up to here is in the results file. Shorter windows do not help: look at "
                                 "the loads at this time. They may be more than the bodies can carry (limit load, "
-                                "buckling): prescribe displacements in place of forces, or follow the motion with "
-                                "inertia (mechanical.elastic.dynamics)",
+                                "buckling): prescribe displacements in place of forces or, in a scene without inertia, "
+                                "follow the motion with inertia (mechanical.elastic.dynamics)",
 }
 
 
@@ -297,7 +297,7 @@ def _taken(attempt: Attempt, found: _Found, fired: rules.Fired, done: CycleActio
         ends=tuple([e for e in control.ends if e > span.k1]), event=span.k1 if found.event else control.event,
         stop=fired.stop or steady, settings=done.settings, rules=fired.memory,
         cycle=done.watch,
-        estimate=(error_estimate.after(control.estimate, start, solved, found.error) if plan.adaptive
+        estimate=(error_estimate.after(control.estimate, start, solved, found.error, plan.cells) if plan.adaptive
                   else control.estimate),
         choice=_learned(attempt, found.error),
         events=events.settled(found.events, start.now, solved) if plan.locate.on else found.events)

@@ -73,6 +73,9 @@ SOON = 3
 # An error of less than this share of its tolerance decides nothing, and is not measured again for its own sake.
 IDLE = 0.25
 MIDPOINT = 1.0 / 12.0  # the constant of the midpoint rule on linear equations, of the third difference
+# A ratio was measured of a second difference, and holds of what bends up to so many times as much.  Of a scene at rest
+# it is round-off over round-off: what comes next (a body that enters a heated zone) may be anything.
+LIKE = 10.0
 # Those whose scale is their change in the window.  Where contact jumps (a body that slips over from one equilibrium to
 # the next) their error is as large in the shortest window, and a scale that shrinks with it would let none pass.  What
 # windows before changed counts, half as much with every window: so all errors add up to at most twice rtol.
@@ -87,6 +90,7 @@ class Measured:
 
     left : windows, of any scheme, until the next measurement.  pause : how many there were between the last two.
     bend : third difference of T over its second one in that window; nan: not known.
+    bent : quantity -> its second difference in that window, over the square of the window.
     """
 
     ratios: Mapping[str, float] = field(default_factory=dict)
@@ -94,6 +98,15 @@ class Measured:
     left: int = 0
     pause: int = 0
     bend: float = math.nan
+    bent: Mapping[str, float] = field(default_factory=dict)
+
+    def holds(self, second: Mapping[str, float], H: float, tolerances: Mapping[str, float]) -> bool:
+        """Return whether what happens in a window of H [s] is like what the ratios were measured of.
+
+        second : second differences.  tolerances : of each, in its unit: what is below that cannot be an error.
+        """
+        return not any(d > tolerances[n] and d > LIKE * H * H * self.bent[n] for n, d in second.items()
+                       if n in self.bent and n in tolerances)
 
 
 @dataclass(frozen=True)
@@ -182,7 +195,7 @@ def wanted(memory: Memory, start: CoupledState, span: Span, scheme: Scheme, end:
 
 def estimate(memory: Memory, start: CoupledState, solved: Solved, tolerance: ErrorTolerances,
              iteration: Iteration, cells: BodyCells = NO_CELLS) -> Estimate | None:
-    """The error of a window from its start and outcome; None where nothing is known.
+    """The error of a window from its start and outcome; None where nothing is known, or it is unlike what is known.
 
     solved.whole : the outcome of the same window in one, where `solved` is that of its two halves.
     cells : of the bodies, whose elastic strain is looked at where the mechanical half tells it.
@@ -199,7 +212,12 @@ def estimate(memory: Memory, start: CoupledState, solved: Solved, tolerance: Err
         errors = {n: known.ratios[n] * _grown(known, H, orders[n], bend) * d + left.get(n, 0.0)
                   for n, d in second.items() if n in known.ratios}
         own = _own(levels, errors["temperature"], left)
-        found = _in_tolerances(errors, _scales(memory, errors, levels, solved, cells), tolerance, own)
+        scales = _scales(memory, errors, levels, solved, cells)
+        allowed = {n: _allowed(scales[n], getattr(tolerance, quantity_of(n))) for n in errors}
+        # fault: a ratio found where nothing happened holds where much happens -> if False: | coupler/test_strikes
+        if not known.holds(second, H, allowed):
+            return None
+        found = _in_tolerances(errors, scales, tolerance, own)
         return replace(found, order=orders[found.worst], orders=orders)
     distance = apart(levels, solved, solved.whole, second, cells)
     factors = {n: _doubling(n, orders[n], solved.scheme) for n in distance}
@@ -246,8 +264,9 @@ def _doubling(quantity: str, order: int, scheme: Scheme) -> Doubling:
     return DOUBLING[order]
 
 
-def after(memory: Memory, start: CoupledState, solved: Solved, found: Estimate | None) -> Memory:
-    """The memory after a window that was taken."""
+def after(memory: Memory, start: CoupledState, solved: Solved, found: Estimate | None,
+          cells: BodyCells = NO_CELLS) -> Memory:
+    """The memory after a window that was taken.  cells : as of `estimate`."""
     H = solved.state.now.t - start.now.t
     heat = heat_of(solved)
     rate = math.nan if heat is None else heat / H
@@ -260,7 +279,8 @@ def after(memory: Memory, start: CoupledState, solved: Solved, found: Estimate |
         return Memory(by, rate, changed)
     if not start.past:  # two levels have no second difference
         return Memory({n: m for n, m in by.items() if n != name}, rate, changed)
-    bend = _bend(levels, second_differences(levels, memory.rate, solved))
+    second = second_differences(levels, memory.rate, solved, cells)
+    bend = _bend(levels, second)
     # fault: a gap that faces nothing any more is looked for -> expected = {n: r * _grown(known, H, found.orders[n],
     #   bend) for n, r in known.ratios.items()} | coupler/test_demo
     expected = {n: r * _grown(known, H, found.orders[n], bend) for n, r in known.ratios.items() if n in found.orders}
@@ -269,7 +289,8 @@ def after(memory: Memory, start: CoupledState, solved: Solved, found: Estimate |
         pause = min(pause, SOON)
     # fault: a ratio found smaller is believed at once -> ratios = dict(found.ratios) | coupler/test_estimate
     ratios = {n: max(r, BELIEVED * expected.get(n, 0.0)) for n, r in found.ratios.items()}
-    return Memory({**by, name: Measured(ratios, H, pause, pause, bend)}, rate, changed)
+    bent = {n: d / (H * H) for n, d in second.items()}
+    return Memory({**by, name: Measured(ratios, H, pause, pause, bend, bent)}, rate, changed)
 
 
 def forgotten(memory: Memory) -> Memory:
@@ -323,7 +344,11 @@ def _own(levels: Sequence[Level], total: float, left: Mapping[str, float]) -> fl
 
 
 def _share(error: float, scale: float, tolerance: Tolerance) -> float:
-    return error / (tolerance.atol + tolerance.rtol * scale)
+    return error / _allowed(scale, tolerance)
+
+
+def _allowed(scale: float, tolerance: Tolerance) -> float:
+    return tolerance.atol + tolerance.rtol * scale
 
 
 def _scales(memory: Memory, names: Iterable[str], levels: Sequence[Level], solved: Solved,
