@@ -9,6 +9,7 @@ ends, which is what halves read.  Both errors are summed with their signs over t
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any
@@ -105,7 +106,9 @@ class PlacedData:
                          what=f"{self._fields[k].where} changes over place, and bodies move far in a window: a node "
                               f"got up to {100.0 * share:.3g} % more or less of it than the largest amount that one "
                               "passed through",
-                         remedy="Use windows in which bodies move by no more than "
+                         # What a node misses of an edge goes with the size of the window.
+                         remedy=f"Use windows {max(2, math.ceil(share / NOTE_AT))} times as short while bodies move "
+                                "through it, or ones in which they move by no more than "
                                 f"{self._fields[k].narrow:.3g} m, the narrowest part of its profile"),)
 
 
