@@ -6,7 +6,7 @@ What cannot be said of the new scene raises NotApplicable with the reason.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import asdict, dataclass, field, replace
 from itertools import pairwise
 from math import comb, cos, radians, sin
@@ -14,6 +14,7 @@ from typing import Any
 
 import numpy as np
 
+from contact.problem.laws import LEAST_LAYER
 from random_scenes.declared import OLD_UNITS, NotApplicable, Units, restated, value_at
 from random_scenes.scene import Scene
 from random_scenes.shapes import Floats, Shape
@@ -387,6 +388,9 @@ def in_other_units(scene: Scene, units: Units) -> Changed:
     coupling = doc["coupling"]
     if not coupling.get("windows") and not coupling.get("adaptive"):
         raise NotApplicable("the document does not state the tolerances of its windows")
+    laws = (pair.get("conduction") for pair in doc.get("contact", {}).values())
+    if any(layer < LEAST_LAYER for law in laws for layer in _layers(law)):
+        raise NotApplicable("a layer of gas is thinner than molecules are apart, and no law of conductance knows it")
     doc["probes"] = {n: p for n, p in doc.get("probes", {}).items() if not any("." in quantity for quantity in p)}
     if scene.wants_rectangles:
         recipes = {b: {**recipe, "patch": [[units.m * v for v in corner] for corner in recipe["patch"]]}
@@ -398,6 +402,14 @@ def in_other_units(scene: Scene, units: Units) -> Changed:
     probes = {n: 1.0 / units.of(UNITS.get(next(iter(p)), "1")) for n, p in doc["probes"].items()}
     words = ", ".join(f"1/{n:g} {unit}" for unit, n in asdict(units).items() if n != 1.0)
     return Changed(made, f"in units of {words}", units=units, probes=probes)
+
+
+def _layers(law: Any) -> Iterator[float]:
+    """The layers g_m of gas [m] in a law of conductance, or in what holds laws."""
+    for part in law.values() if isinstance(law, dict) else law if isinstance(law, list) else ():
+        yield from _layers(part)
+    if isinstance(law, dict) and "g_m" in law:
+        yield float(law["g_m"])
 
 
 def later(scene: Scene, lead: float) -> Changed:

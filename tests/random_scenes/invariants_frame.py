@@ -79,7 +79,12 @@ def _some_units(scene: Scene, rng: np.random.Generator) -> Changed:
     By powers of two, so that no number is rounded otherwise: what differs is a fixed number in the code.
     """
     m, s, K, Pa = (2.0 ** float(rng.integers(*ends)) for ends in ((-16, 13), (-20, 25), (-10, 4), (-24, 7)))
-    return in_other_units(scene, Units(m, Pa * m * s**2, s, K if scene.doc["units"]["temperature"] == "K" else 1.0))
+    K = K if scene.doc["units"]["temperature"] == "K" else 1.0
+    try:
+        return in_other_units(scene, Units(m, Pa * m * s**2, s, K))
+    except NotApplicable:  # layers of gas that are too thin
+        m = max(m, 1.0)
+        return in_other_units(scene, Units(m, Pa * m * s**2, s, K))
 
 
 SHIFT = law("frame: shift", _some_shift)

@@ -23,7 +23,16 @@ from contact.problem.mechanical import ElasticBoundary, Motion
 from contact.problem.part import Part
 from coupler.scenario.si import ToSI
 from random_scenes.by_hand_frame import disc, heat, pressed, stack
-from random_scenes.change import PSEUDOSCALARS, VECTORS, NotApplicable, combined, moved_profile, shifted, turned
+from random_scenes.change import (
+    PSEUDOSCALARS,
+    VECTORS,
+    NotApplicable,
+    combined,
+    in_other_units,
+    moved_profile,
+    shifted,
+    turned,
+)
 from random_scenes.declared import Units, powers_of, restated, value_at
 from random_scenes.invariant import Invariant
 from random_scenes.invariants_frame import (
@@ -219,6 +228,15 @@ def test_units_are_understood() -> None:
         powers_of(unit)
     with pytest.raises(NotApplicable):
         powers_of("furlong")
+
+
+def test_a_layer_of_gas_thinner_than_its_least_has_no_similar_scene() -> None:
+    gas = {"law": "sum", "of": [{"law": "gas", "k_g": 0.05, "g_m": 1e-5}]}
+    pair = next(iter(heat().pairs))
+    scene = heat().edited(**{f"contact__{pair}__conduction__open": gas})
+    assert in_other_units(scene, Units(m=0.5)).units.m == 0.5
+    with pytest.raises(NotApplicable, match="thinner"):
+        in_other_units(scene, Units(m=1e-5))
 
 
 def _parts(part: type[Part]) -> set[type[Part]]:
