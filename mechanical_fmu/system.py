@@ -321,11 +321,7 @@ class System:
         """
         internal = self.volume.evaluate(u, loading.moduli, loading.step, tangent)
         x = self.interface.nodes + u
-        external = np.zeros_like(u)
-        for load, p in zip(self.loads, loading.pressure, strict=True):
-            if p != 0.0:
-                forces = pressure_forces(x, load.edges, np.full(len(load.edges), p), self.interface.axisymmetric)
-                np.add.at(external, load.edges, forces)
+        external = self._pressed(x, loading)
         if loading.query is not None:
             tractions = loading.query(x) if tractions is None else tractions
             # fault: contact forces halved -> external += 0.5 * self.contact.force(tractions) |
@@ -368,13 +364,20 @@ class System:
         usual, least = (np.where(usual > 0.0, f, f[soft] or np.finfo(float).tiny) for f in (usual, least))
         return ForceFloor(usual, least, tolerance, self._loose, self._applied(loading) if self.can_be_loose else 0.0)
 
-    def _applied(self, loading: Loading) -> float:
-        """[N] the largest load that is put on a body, contact apart, where it is drawn."""
-        force = np.zeros_like(self.interface.nodes) if loading.dead is None else np.array(loading.dead)
+    def _pressed(self, x: Floats, loading: Loading) -> Floats:
+        """(n_nodes, 2) [N] of the pressures of a loading, at x : (n_nodes, 2) [m]."""
+        total = np.zeros_like(x)
         for load, p in zip(self.loads, loading.pressure, strict=True):
             if p != 0.0:
-                np.add.at(force, load.edges, pressure_forces(
-                    self.interface.nodes, load.edges, np.full(len(load.edges), p), self.interface.axisymmetric))
+                forces = pressure_forces(x, load.edges, np.full(len(load.edges), p), self.interface.axisymmetric)
+                np.add.at(total, load.edges, forces)
+        return total
+
+    def _applied(self, loading: Loading) -> float:
+        """[N] the largest load that is put on a body, contact apart, where it is drawn."""
+        force = self._pressed(self.interface.nodes, loading)
+        if loading.dead is not None:
+            force += loading.dead
         return float(self._body_norms(force if self.rigid is None else self.rigid.reduced(
             force, np.zeros_like(force))).max())
 

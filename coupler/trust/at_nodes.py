@@ -94,7 +94,7 @@ def _read(where: str, data: Field, corners: Array) -> _Read | None:
     if not crossed.any():
         return None
     level = np.array([signal.value[np.abs(signal.value).argmax()] for signal in data.signals])
-    nodal, size = _values(data, level, corners), _shares(corners).sum(axis=1)
+    nodal, size = _values(data, level, corners), _sizes(corners)
     whole = float(size[~crossed] @ nodal[~crossed].mean(axis=1))
     low, high, over, off = float(nodal.min()), float(nodal.max()), 0.0, 0.0
     N = _places(corners.shape[1])
@@ -134,19 +134,23 @@ def _places(corners: int) -> Array:
     return np.stack([(1.0 - p) * (1.0 - q), p * (1.0 - q), p * q, (1.0 - p) * q], axis=1)
 
 
+def _sizes(cells: Array) -> Array:
+    """(n,) [m2] or [m] of each cell or edge : (n, corners, 2) [m]."""
+    if cells.shape[1] == 2:
+        return np.asarray(np.linalg.norm(cells[:, 1] - cells[:, 0], axis=1))
+    # Half of the product of the diagonals; of a triangle, of two of its sides.
+    return np.abs(0.5 * _cross(cells[:, 2] - cells[:, 0], cells[:, -1] - cells[:, 1]))
+
+
 def _shares(cells: Array) -> Array:
     """What of each cell or edge : (n, corners, 2) [m] is about each of its places, (n, m) [m2] or [m]."""
     N = _places(cells.shape[1])
-    a, b = cells[:, 0], cells[:, 1]
-    if cells.shape[1] == 2:
-        size = np.linalg.norm(b - a, axis=1)[:, None] * np.ones(len(N))
-    elif cells.shape[1] == 3:
-        size = 0.5 * _cross(b - a, cells[:, 2] - a)[:, None] * np.ones(len(N))
-    else:
-        c, d = cells[:, 2], cells[:, 3]
-        p, q = N[:, 1] + N[:, 2], N[:, 2] + N[:, 3]
-        size = _cross((b - a)[:, None] * (1.0 - q)[:, None] + (c - d)[:, None] * q[:, None],
-                      (d - a)[:, None] * (1.0 - p)[:, None] + (c - b)[:, None] * p[:, None])
+    if cells.shape[1] != 4:
+        return np.repeat(_sizes(cells)[:, None] / len(N), len(N), axis=1)
+    a, b, c, d = np.moveaxis(cells, 1, 0)
+    p, q = N[:, 1] + N[:, 2], N[:, 2] + N[:, 3]
+    size = _cross((b - a)[:, None] * (1.0 - q)[:, None] + (c - d)[:, None] * q[:, None],
+                  (d - a)[:, None] * (1.0 - p)[:, None] + (c - b)[:, None] * p[:, None])
     return np.abs(size) / len(N)
 
 
