@@ -7,7 +7,7 @@ temperatures at the start of each step.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -67,6 +67,23 @@ class DataRange:
         out -= self.low - T > seen
         out[self.fixed] = 0
         return out
+
+    def heated(self, T: Floats, given: Floats) -> DataRange:
+        """Widen it by the temperatures T : (n,) [K] of nodes that are heated or cooled whatever surrounds them.
+
+        given : (n,) [W] that such nodes are given.  Beside a source bodies are as warm as it is: they leave no data by
+        wrong signs unless they are warmer.
+        """
+        if not given.any():
+            return self
+        component = np.append(self.of_body, -1)[self.to_node]
+        # fault: what a source warms has left its data -> warm, cold = given > np.inf, given < -np.inf |
+        #   thermal_fmu/test_thermal_monotone::test_bodies_beside_a_source_keep_their_conduction
+        warm, cold = given > 0.0, given < 0.0
+        more = widened(_by_component(self.of_body, component[warm], T[warm], T[warm]),
+                       _by_component(self.of_body, component[cold], T[cold], T[cold]))
+        return replace(self, low=np.minimum(self.low, np.append(more.low, np.inf)[self.to_node]),
+                       high=np.maximum(self.high, np.append(more.high, -np.inf)[self.to_node]))
 
     def after(self, T: Floats, given: Floats) -> KnownRange:
         """Return what is known after the step, which led to T : (n,) [K].

@@ -147,6 +147,7 @@ def _within_data(context: StepContext, method: TimeMethod, s_n: Floats, anchor: 
     if method.stores:
         known = context.known or range_of(scene, phase_change.temperature(melting, s_n))
     data = data_range(scene, context.substep, known, _around(scene, context.substep, loads, T))
+    data = data.heated(T, stages[-1].balance.given)
 
     def attempt(substep: SubstepData, stages: tuple[SolvedStage, ...]) -> Attempt:
         end = stages[-1]
