@@ -102,7 +102,7 @@ def run_command(scenario: ScenarioFile, out: OutOption = Path("run.h5"), sets: S
             typer.echo(f"note: {note}", err=True)
     with ProgressLine(s.temperature_unit, quiet=quiet, verbose=verbose) as line, RunLog(log, out) as written:
         how = Verify.ONCE if verify is None else Verify.ANEW if verify else Verify.NEVER
-        with _reported(out, report):
+        with _reported(out, report), _noted(s, line, quiet=quiet):
             results = run(s, out, processes=processes, hosts=hosts, until=until, on_window=_each(line, written),
                           verify=how, on_verify=partial(line.say, asked=how is Verify.ANEW))
         written.done(results.outcome)
@@ -152,6 +152,20 @@ def _reported(out: Path, wanted: bool) -> Iterator[None]:
         # fault: a run that fails has no page -> if False: | coupler/test_cli::test_a_run_that_fails_has_its_page_too
         if wanted and _changed_at(out) != before:
             exc.add_note(f"report: {write_report(Results(out), out.with_suffix('.html'))}")
+        raise
+
+
+@contextmanager
+def _noted(s: Scenario, line: ProgressLine, *, quiet: bool) -> Iterator[None]:
+    """Tell with the error of a quiet run what its notes are: they may name the cause."""
+    try:
+        yield
+    except SlidelineError as exc:
+        # fault: a quiet run that fails keeps its notes to itself -> notes: list[str] = [] |
+        #   coupler/test_last_words
+        notes = list(dict.fromkeys((*s.notes, *line.printed))) if quiet else []
+        for note in notes:
+            exc.add_note(f"note: {note}")
         raise
 
 

@@ -50,7 +50,7 @@ class Observer:
         self._watch = TrustWatch(interface, scenario.models, units, adaptive, scenario.own_meshes,
                                  () if scenario.stated is None else scenario.stated.thermal.ignore,
                                  scenario.coupling.substeps["mechanical"],
-                                 scenario.coupling.scheme is Scheme.ITERATED)
+                                 scenario.coupling.scheme is Scheme.ITERATED, _fits(scenario))
         self.watched = self.probes.measurable if units else self._watch.means
         self.conditions = ConditionReader(scenario.conditions, self._both)
         self.outputs = ExtraOutputs(halves, interface)
@@ -195,3 +195,10 @@ class Observer:
 
 def _record_of(tried: Tried, monitors: Mapping[str, float]) -> WindowRecord:
     return WindowRecord(tried.reason, tried.event, tried.fired, tried.error, monitors)
+
+
+def _fits(scenario: Scenario) -> dict[str, Any]:
+    """Pair -> its clearance or interference, of those that state one."""
+    stated = {} if scenario.stated is None else scenario.stated.contact
+    return {name: pair.clearance if pair.interference is None else pair.interference for name, pair in stated.items()
+            if not (pair.clearance is None and pair.interference is None)}

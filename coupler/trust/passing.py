@@ -120,11 +120,11 @@ def _across(side: Side, before: Level, now: Level) -> Passage | None:
     return passage(side, unseen, before.x, now.x) if unseen.any() else None
 
 
-def checks(log: PassingLog, where: str, pairs: bool, prescribed: bool) -> tuple[Check, Check]:
+def checks(log: PassingLog, where: str, pairs: bool, prescribed: bool, remedy: str) -> tuple[Check, Check]:
     """Return the two checks at the end.
 
     where : of the deepest point, in words.  pairs : whether the scene has any.  prescribed : bodies move as the
-    scenario says, whatever they press.
+    scenario says, whatever they press.  remedy : of the deepest told penetration.
     """
     if not pairs:
         none = "there are no pairs"
@@ -138,7 +138,7 @@ def checks(log: PassingLog, where: str, pairs: bool, prescribed: bool) -> tuple[
     soft = measured(SOFT, log.soft, DEPTHS, t=log.soft_t,
                     what=f"pair {log.soft_pair}: pressed surfaces overlap by {100 * log.soft:.3g} % of an edge at "
                          f"t = {log.soft_t:.6g} s",
-                    remedy="Set augmented: {} in a pair that has none, or use a finer mesh")
+                    remedy=remedy)
     if prescribed:
         soft = measured(SOFT, log.soft, (DEPTHS[1], np.inf), t=log.soft_t, unit="edges",
                         what=f"pair {log.soft_pair}: the prescribed motion goes through the surface, {log.soft:.3g} "

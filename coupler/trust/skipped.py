@@ -64,7 +64,7 @@ class PlacedData:
 
     def __init__(self, interface: Interface, model: Mapping[str, Any]) -> None:
         size = float(np.ptp(interface.nodes, axis=0).max(initial=0.0))
-        self._fields = [_Placed(where, data, nodes, _narrowest(data, size))
+        self._fields = [_Placed(where, data, nodes, min(data.narrowest, size))
                         for where, spec, nodes in _specs(interface, model) if not (data := field_from(spec)).is_uniform]
         self._n = len(interface.node_body)
 
@@ -110,13 +110,6 @@ class PlacedData:
                          remedy=f"Use windows {max(2, math.ceil(share / NOTE_AT))} times as short while bodies move "
                                 "through it, or ones in which they move by no more than "
                                 f"{self._fields[k].narrow:.3g} m, the narrowest part of its profile"),)
-
-
-def _narrowest(data: Field, size: float) -> float:
-    """Return the narrowest part [m] of its tables over place; of polynomials the size of the scene [m]."""
-    steps = [np.diff(profile.at).min() for term in data.terms for profile in (term.x, term.y)
-             if profile is not None and profile.at is not None and len(profile.at) > 1]
-    return float(min(steps, default=size))
 
 
 def _specs(interface: Interface, model: Mapping[str, Any]) -> Iterator[tuple[str, Any, NDArray[np.intp]]]:

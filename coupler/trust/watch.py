@@ -91,11 +91,11 @@ class TrustWatch:
     def __init__(self, interface: Interface, models: Mapping[str, Mapping[str, Any]],
                  probes: Mapping[str, str] | None = None, adaptive: bool = False,
                  own_meshes: Collection[str] = (), ignored: Collection[str] = (), substeps: int = 1,
-                 iterated: bool = False) -> None:
+                 iterated: bool = False, fits: Mapping[str, Any] | None = None) -> None:
         """models : of the halves (model.json).  probes : name -> unit; none: mean temperatures of bodies stand for
         them (`means`).  adaptive : whether windows find their own size.  own_meshes : the roles of halves on one.
         ignored : paths of the scene that the thermal half may leave out.  substeps : of the mechanical half in a
-        window.  iterated : whether every window is.
+        window.  iterated : whether every window is.  fits : pair -> its clearance or interference, as stated.
         """
         self._iterated = iterated
         self._own_meshes = frozenset(own_meshes)
@@ -114,7 +114,7 @@ class TrustWatch:
         self._stored = stored.StoredHeat(interface, models["thermal"], "thermal" in self._own_meshes,
                                          ignored)
         self._placed = skipped.PlacedData(interface, models["thermal"])
-        self._at_nodes = at_nodes.checks(interface, models["thermal"], models["mechanical"])
+        self._at_nodes = at_nodes.checks(interface, models["thermal"], models["mechanical"], fits)
         self._motion = motion.Motion(models["mechanical"], interface, substeps)
         self._prescribed = models["mechanical"].get("half") == "rigid"
         self._inside = np.flatnonzero(interface.node_body >= 0)
@@ -222,7 +222,7 @@ class TrustWatch:
             *across.checks(log.across, log.temperatures.span),
             *rhythm.checks(log.rhythm, self._place(log.rhythm.node), self._interface.bodies),
             *passing.checks(log.passing, self._place(log.passing.node, log.passing.end), bool(self._interface.pairs),
-                            self._prescribed),
+                            self._prescribed, self._yields.remedy(log.passing.soft_pair)),
             *self._unpaired.checks(log.unpaired, self._place(log.unpaired.node, log.unpaired.end), self._prescribed),
             penetration.check(log.penetration, self._yields, self._prescribed),
             *(() if self._prescribed else facets.checks(log.facets, self._facets)),

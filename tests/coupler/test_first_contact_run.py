@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+import json
 import sys
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
+
+from coupler import run
+from coupler.scenario.load import scenario_from
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[2] / "benchmarks"))
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
@@ -32,6 +36,12 @@ def test_a_block_that_falls_is_told_of_with_its_work() -> None:
     work = story.probes["took"]
     assert work[-1] == work[1] == pytest.approx(0.25 * (WEIGHT + 5e4) * 1e-4, rel=1e-2)  # a quarter is on then
     assert story.probes["carried"][-1] == pytest.approx(WEIGHT + LOWER + 5e4, rel=1e-6)
+
+
+def test_the_results_hold_the_note(tmp_path: Path) -> None:
+    """Who runs it quietly, or reads the results later, knows of it too."""
+    results = run(scenario_from(json.dumps(FALLS), tmp_path / "falls.yaml", {}), tmp_path / "run.h5")
+    assert len([note for note in results.notes if "nothing held a body until contact did" in note]) == 1
 
 
 def test_the_codec_and_halved_windows_end_in_the_same() -> None:

@@ -9,6 +9,7 @@ import pytest
 from typer.testing import CliRunner
 
 from coupler import Results, load_scenario
+from coupler.cli import running as running_module
 from coupler.cli.cli import app
 from coupler.errors import HalfError
 from coupler.record import checkpoint as keeper_module
@@ -65,6 +66,22 @@ def test_resume_is_as_quiet_as_run_and_says_the_same_facts(tmp_path):
     assert said.exit_code == 0, said.output
     assert said.stderr == ""
     assert '"outcome": "completed"' in said.stdout
+
+
+@pytest.mark.parametrize("quiet", [[], ["-q"]])
+def test_a_quiet_run_that_fails_tells_its_notes_with_the_error(tmp_path, monkeypatch, quiet):
+    """Laws that do not join are often why windows fail; a run that is not quiet has said so at its start."""
+    def fails(*_: object, **__: object) -> None:
+        raise HalfError("it died", half="thermal")
+
+    monkeypatch.setattr(running_module, "run", fails)
+    torn = "contact.interface.conduction.open={law: constant, h: 3}"
+    bars = str(SCENARIO.with_name("heated_bars.yaml"))
+    said = CliRunner().invoke(app, ["run", bars, "-o", str(tmp_path / "run.h5"), "--set", torn, *quiet])
+    assert isinstance(said.exception, HalfError)
+    notes = [note for note in getattr(said.exception, "__notes__", ()) if "conductance jumps from 3 to 2000" in note]
+    assert len(notes) == len(quiet)
+    assert ("conductance jumps" in said.stderr) == (not quiet)
 
 
 def test_a_resume_of_a_run_that_ends_meanwhile_looks_again(tmp_path, monkeypatch):

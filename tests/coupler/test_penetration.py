@@ -52,6 +52,12 @@ def test_it_is_held_against_an_interference_as_drawn(tmp_path: Path) -> None:
     assert "interference as drawn" in found.what
 
 
+def test_nobody_is_told_to_set_what_is_set(tmp_path: Path) -> None:
+    drawn = {"bodies.upper.mesh.rectangle.origin": [0, 0.999]}
+    assert told(tmp_path, 2.0e-5, **drawn).remedy.startswith("Set augmented: {}")
+    assert told(tmp_path, 2.0e-5, augmented=("face",), **drawn).remedy.startswith("Use shorter edges")
+
+
 @pytest.mark.parametrize("augmented", [(), ("face",)])
 def test_of_points_at_nodes_the_deepest_of_either_side_is_told(augmented: tuple[str, ...], tmp_path: Path) -> None:
     """A node of the master between the slave's, which press without overlap; cut edges leave none there."""

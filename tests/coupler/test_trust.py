@@ -42,13 +42,14 @@ def level(t: float, T: float | list[float] = 300.0, *, x: np.ndarray | None = No
 
 
 def judged(levels: list[Level], boundary: tuple[dict, ...] = (), terms: dict | None = None, fresh: tuple[int, ...] = (),
-           half: str = "elastic", inputs: dict | None = None) -> dict[str, Check]:
+           half: str = "elastic", inputs: dict | None = None, pairs: dict | None = None) -> dict[str, Check]:
     """The table of a run by its levels, check by name.  terms : heat of each window [J]; None: some is stored.
 
-    inputs : of the thermal half.
+    inputs : of the thermal half.  pairs : of the mechanical half's model.
     """
     terms = {"heat.stored.low": 1.0, "heat.convection": 1.0} if terms is None else terms
-    watch = TrustWatch(boxes(), {"thermal": {"boundary": boundary}, "mechanical": {"half": half}})
+    watch = TrustWatch(boxes(), {"thermal": {"boundary": boundary},
+                                 "mechanical": {"half": half, "pairs": pairs or {}}})
     log = watch.begun(levels[0])
     for k in range(1, len(levels)):
         log = watch.after(log, (levels[k - 1], levels[k]), terms, fresh=k in fresh,
@@ -245,6 +246,13 @@ def test_a_soft_penalty_is_told():
     assert found.verdict == "noted"
     assert found.number == pytest.approx(0.04)
     assert judged([level(0.0), level(1.0, x=lowered(0.3), gap=-0.2)])[SOFT].verdict == "broken"
+
+
+def test_nobody_is_told_to_set_what_is_set():
+    levels = [level(0.0), level(1.0, x=lowered(0.12), gap=-0.02)]
+    assert "augmented: {}" in judged(levels)[SOFT].remedy
+    assert judged(levels, pairs={"face": {"augmented": {}}})[SOFT].remedy == judged(levels)[SOFT].remedy
+    assert "augmented: {}" not in judged(levels, pairs={"face": {"augmented": {"tolerance": 1e-3}}})[SOFT].remedy
 
 
 # The table

@@ -84,3 +84,10 @@ def test_conditions_on_surfaces_are_followed_too(tmp_path, condition):
     results = strip(tmp_path, 10, {}, [{"on": "strip.top", **condition}])
     assert row(results).verdict is TrustVerdict.BROKEN
     assert "strip.top" in row(results).what
+
+
+def test_a_jump_is_no_narrow_part(tmp_path):
+    """The coil again, which begins and ends within a nanometre: it is 4 mm wide, and windows need not resolve less."""
+    sharp = {"at": [0.1, 0.1 + 1e-9, 0.104, 0.104 + 1e-9], "value": [0, 1, 1, 0]}
+    results = strip(tmp_path, 10, {"Q_T": {"terms": [{"t": 2e9, "x": sharp}]}})
+    assert "move by no more than 0.004 m, the narrowest part" in row(results).remedy
