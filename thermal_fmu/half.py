@@ -15,6 +15,7 @@ from contact.half.linalg import SingularMatrixError
 from contact.half.model import Discard, Done, Link, Outputs, Value, Values, Variable
 from contact.half.program import ProgramError
 from contact.half.volume import volume_mesh
+from contact.messages import Facing
 from thermal_fmu import phase_change
 from thermal_fmu.boundary import Heat, names_of, no_heat
 from thermal_fmu.cells import (
@@ -28,10 +29,19 @@ from thermal_fmu.cells import (
 from thermal_fmu.conditions import NOTHING_COUNTED, HeatSoFar, n_heats, named_heats, no_heat_yet
 from thermal_fmu.contact_quadrature import ContactPoints, contact_points, touching
 from thermal_fmu.elsewhere import begun_with, course_of, course_outputs, course_variables, damps_of
+from thermal_fmu.extremes import UNKNOWN, HalvedScene, StepEnded, extreme_variables
 from thermal_fmu.flux import heat_flux
 from thermal_fmu.known import KnownRange, range_of, widened
 from thermal_fmu.linear import AnchorMatrix, Factors
-from thermal_fmu.mesh_error import NOTHING_MISSED, MeshError, MissedHeat, SubstepHeat, mesh_variables, nothing_missed
+from thermal_fmu.mesh_error import (
+    NOTHING_MISSED,
+    MeshError,
+    MissedHeat,
+    SubstepHeat,
+    mesh_variables,
+    nothing_missed,
+    solved_bodies,
+)
 from thermal_fmu.methods import DAMPED_SUBSTEPS, METHOD_NUMBERS, TimeMethod
 from thermal_fmu.newton import NotConvergedError
 from thermal_fmu.problem import Model, parse_foreign, parse_model
@@ -89,10 +99,21 @@ def contact_at(surfaces: ContactSurfaces, x: Floats, inputs: Values, link: Link)
 
     Raises ContactRefusedError.
     """
-    if not surfaces.interface.pairs:
-        return None
-    t_N = np.asarray(inputs["contact.t_N"], dtype=np.float64)
-    return contact_points(surfaces, surfaces.facing(link, x), t_N, x)
+    facing = facing_at(surfaces, x, link)
+    return None if facing is None else contact_points(surfaces, facing, at_pairs("contact.t_N", inputs), x)
+
+
+def facing_at(surfaces: ContactSurfaces, x: Floats, link: Link) -> Facing | None:
+    """Find what faces what at coordinates x : (n_nodes, 2) [m]; None in a scene without pairs.
+
+    Raises ContactRefusedError.
+    """
+    return surfaces.facing(link, x) if surfaces.interface.pairs else None
+
+
+def at_pairs(name: str, inputs: Values) -> Floats:
+    """Return an input at pair nodes (n_q,); (0,) in a scene without pairs."""
+    return np.asarray(inputs.get(name, np.empty(0)), dtype=np.float64)
 
 
 # Outputs that are fields
@@ -147,7 +168,7 @@ class ThermalState:
     from, anchor_S : likewise of the entropy part.  controller : of adaptive inner steps.
     given : heat since the start, by condition.  known : the data of bodies so far; None: as they are.
     rate : (n,) at which s moved in the last (inner) step [K/s]; None: in none yet.  missed : by the mesh, so far.
-    flow : what flowed at the end of the last step, where that was to a steady state.
+    flow : what flowed at the end of the last step, where that was to a steady state.  began [s]: the start.
     """
 
     s: Floats
@@ -163,6 +184,7 @@ class ThermalState:
     rate: Floats | None = None
     missed: MissedHeat = NOTHING_MISSED
     flow: SteadyFlow | None = None
+    began: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -220,6 +242,7 @@ class ThermalHalf:
         self.variables = _variables(self._scene)
         self._named = named_heats(interface, self._scene.model)
         self._mesh_error = None if foreign else MeshError(self._scene)
+        self._halved = None if foreign else HalvedScene(interface, spec, solved_bodies(self._scene))
 
     def start(self, inputs: Values, t: float, link: Link) -> tuple[ThermalState, Mapping[str, Value]]:
         """Set T = T0 everywhere; a prescribed temperature acts from the first substep.  The first x is the reference.
@@ -231,14 +254,15 @@ class ThermalHalf:
         T = scene.start(self._masses_of(X))
         state = ThermalState(phase_change.unknown(scene.melting, T), X, whole(inputs, "control.event"), DAMPED_SUBSTEPS,
                              0.0, given=no_heat_yet(n_heats(scene.interface, scene.model)), known=range_of(scene, T),
-                             missed=nothing_missed(len(scene.interface.bodies)))
+                             missed=nothing_missed(len(scene.interface.bodies)), began=t)
         points = contact_at(scene.surfaces, X, inputs, link)
         touched = touching(points, scene.model.solved)
         outputs = self._outputs(state, no_heat(len(scene.model.bodies)), touched, None, T) | self._counts(0, 0)
         if scene.model.elsewhere.size:
             outputs |= course_outputs(scene.interface.contact_nodes, scene.melting, state.s, [(t, state.s)], t, 1.0)
         fields = field_outputs(scene, shapes_of(scene.volume, X), state.s, None)
-        return state, replace(fields, now=outputs | dict(fields.now))
+        unknown = {} if self._halved is None else dict.fromkeys(self._halved.names, UNKNOWN)
+        return state, replace(fields, now=outputs | dict(fields.now) | unknown)
 
     def step(self, state: ThermalState, inputs: Values, t: float, h: float, link: Link) -> Done | Discard:
         """Take a substep from t to t + h [s] on the coordinates x, whose contact is searched once."""
@@ -280,14 +304,15 @@ class ThermalHalf:
         scene = self._scene
         x = np.array(inputs["x"], dtype=np.float64)
         E_M = np.asarray(inputs["E_M"], dtype=np.float64)
-        points = contact_at(scene.surfaces, x, inputs, link)
+        facing = facing_at(scene.surfaces, x, link)
+        t_N, E_friction = (at_pairs(name, inputs) for name in ("contact.t_N", "contact.E_friction"))
+        points = None if facing is None else contact_points(scene.surfaces, facing, t_N, x)
         # fault: mass from the current volume -> substep = freeze(scene, scene.masses(x), x, E_M, points) |
         #   thermal_fmu/test_thermal_nonlinear
         substep = freeze(scene, self._masses_of(state.X), x, E_M, points)
         if scene.given is not None or scene.program is not None:
             substep = replace(substep, place=Coordinates(x, np.array(state.X)))
         if points is not None:
-            E_friction = np.asarray(inputs["contact.E_friction"], dtype=np.float64)
             at_start = phase_change.fields(scene.melting, np.array(state.s))
             substep = with_friction(substep, scene, points, E_friction, at_start, h)
         load = factors_of(scene.model, inputs)
@@ -333,7 +358,8 @@ class ThermalHalf:
         # fault: anchor not part of the state -> new = ThermalState(done.s, state.X, event, result.damped, stored, None,
         #   anchor_S, controller, given, | thermal_fmu/test_thermal_solver
         new = ThermalState(done.s, state.X, event, result.damped, stored, done.anchor, anchor_S, controller, given,
-                           known, result.rate, self._missed(state, substep.shapes, x, done, h), flow)
+                           known, result.rate, self._missed(state, substep.shapes, x, done, h), flow,
+                           state.began)
         T_n = phase_change.temperature(scene.melting, state.s)
         outputs = self._outputs(new, done.heat, substep.touching, done, T_n)
         # fault: heat given off with the sign of heat taken up -> fields = field_outputs(scene, substep.shapes, new.s,
@@ -343,7 +369,15 @@ class ThermalHalf:
             outputs |= course_outputs(scene.interface.contact_nodes, scene.melting, start.s, result.done.path, t, h,
                                       damps_of(result.done.damped, result.done.overshoots))
         counts = self._counts(result.substeps, result.rejected)
-        return Done(new, replace(fields, now=outputs | dict(fields.now) | counts))
+        fields = replace(fields, now=outputs | dict(fields.now) | counts)
+        if self._halved is None:
+            return Done(new, fields)
+        end = StepEnded(replace(context, substep=done.substep), x, state.X, state.s, done.s, t + h, h,
+                        t + h - max(state.began, self._calendar.last_jump(t + h, h)), method.stores, E_M, facing,
+                        points, t_N, E_friction)
+        # Of what a run asks for now and then a state in bytes keeps nothing: it costs more than a step.
+        return Done(new, replace(fields, apart=self._halved.outputs(end),
+                                 unless_asked=dict.fromkeys(self._halved.names, UNKNOWN)))
 
     def _jumps(self, before: SteadyFlow, load: LoadFactors, t: float, h: float) -> bool:
         """Whether what acts from t [s] on is other than what acted up to then."""
@@ -408,8 +442,12 @@ def _variables(scene: ThermalScene) -> tuple[Variable, ...]:
         Variable("program.runs", description="runs of the program in the substep"),
         Variable("program.tolerance", unit="J", description="heat by which program and surface may differ in the "
                  "substep"))
-    missed = mesh_variables(scene) if scene.given is None and scene.program is None else ()
-    return (*face_variables(scene.interface, scene.model), *inner, rounding, *runs, *missed, *field_variables(scene))
+    face = (*face_variables(scene.interface, scene.model), *inner, rounding, *runs)
+    if scene.given is not None or scene.program is not None:
+        return (*face, *field_variables(scene))
+    # Who reads what lies near reads what is costly by the way, so that is the last.
+    return (*face, *mesh_variables(scene), *field_variables(scene),
+            *extreme_variables(scene.interface, solved_bodies(scene)))
 
 
 def load(interface: Interface, spec: Mapping[str, Any]) -> ThermalHalf:

@@ -108,10 +108,11 @@ def mesh_variables(scene: ThermalScene) -> tuple[Variable, ...]:
     """List what is told of the mesh, of each body with cells that this half solves itself."""
     return tuple(Variable(T_MISSED + name, unit="K", description="temperature difference that the mesh of the body "
                           "misses, estimated: the mean over the heat moved since the start")
-                 for name in _solved_bodies(scene))
+                 for name in solved_bodies(scene))
 
 
-def _solved_bodies(scene: ThermalScene) -> dict[str, int]:
+def solved_bodies(scene: ThermalScene) -> dict[str, int]:
+    """Return the bodies with cells that this half solves itself, name -> number."""
     # A body that is given its temperatures as a whole has no heat to solve for.
     # fault: temperatures that are given are told to be missed -> given: list[np.ndarray] = [] |
     #   coupler/test_given_temperatures
@@ -130,7 +131,7 @@ class MeshError:
 
     @cached_property
     def _solved(self) -> dict[str, int]:
-        return _solved_bodies(self._scene)
+        return solved_bodies(self._scene)
 
     @cached_property
     def _outer(self) -> tuple[_OuterEdges, ...]:

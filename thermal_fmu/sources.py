@@ -264,6 +264,10 @@ class Calendar:
         # fault: no snap -> return t | thermal_fmu/test_thermal_time
         return near if abs(near - t) <= _tolerance(t, h) else t
 
+    def last_jump(self, t: float, h: float) -> float:
+        """Return the last time before t [s] at which a signal jumps, -inf where there is none; h : the substep [s]."""
+        return float(self.jumps[self.jumps < t - _tolerance(t, h)].max(initial=-np.inf))
+
     def jump_within(self, t: float, h: float) -> bool:
         """Return whether a signal jumps at the start of [t, t + h] or inside it; a jump at its end is the next one's.
         """

@@ -25,6 +25,7 @@ from coupler.schemes.levels import Level
 from coupler.schemes.state import CoupledState, Halves
 from coupler.trust.checks import Check
 from coupler.trust.equilibrium import OUTPUT as STABLE
+from coupler.trust.extremes import extreme_outputs
 from coupler.trust.heat_mesh import heat_mesh_outputs
 from coupler.trust.mesh import mesh_outputs
 from coupler.trust.watch import TrustLog, TrustWatch
@@ -58,6 +59,7 @@ class Observer:
                                      friction_names(halves.mechanical))
         self._of_mesh = {"mechanical": mesh_outputs(halves.mechanical.blocks),
                          "thermal": heat_mesh_outputs(halves.thermal.blocks)}
+        self._of_extremes = extreme_outputs(halves.thermal.blocks)
         self.choice = frame_choice(scenario.output.most, scenario.coupling.end, len(interface.nodes),
                                    self.outputs.fields)
         self.trust = TrustLog()
@@ -139,6 +141,10 @@ class Observer:
         if due:
             self.frame(now, look, chosen=not asked)
         self._look_at_equilibrium(look, now.t, at_end)
+        # fault: nobody asks how far extremes are off -> if False: | coupler/test_trust_extremes
+        if self._of_extremes and self._watch.wants_extremes(self.trust, at_end):
+            told = {n: float(v) for n, v in look.read("thermal", self._of_extremes).items()}
+            self.trust = self._watch.with_extremes(self.trust, told, now.t)
 
     def rejected(self, tried: Tried, now: Level, ledger: Ledger) -> None:
         """Record a rejected window.  now : at its start, where both halves are again."""

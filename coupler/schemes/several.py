@@ -26,7 +26,7 @@ from coupler.scenario.options import Iteration
 from coupler.scenario.several import Member, Several
 from coupler.schemes.acceleration import Trail, next_guess
 from coupler.schemes.ledger import NO_TERMS, PREFIX, STORED
-from coupler.schemes.state import ACROSS, T_MISSED
+from coupler.schemes.state import ACROSS, HIGH_OFF, LOW_OFF, T_MISSED
 
 COURSE, COURSE_ELSEWHERE, DAMPED, DAMPS = COURSES = ("course.T", "course.T_elsewhere", "course.damped", "course.damps")
 AFTER_A_JUMP, ALWAYS = 1.0, 2.0  # values of DAMPED
@@ -422,9 +422,12 @@ def size_of(place: str, interface: Interface) -> int:
             "contact_nodes": len(interface.contact_nodes), "pair_nodes": len(interface.pair_nodes)}[place]
 
 
+OF_BODIES = (PREFIX, "condition.heat.", T_MISSED, HIGH_OFF, LOW_OFF)
+
+
 def _adds_up(name: str) -> bool:
     # What is told of a body's mesh one half alone tells.
     # fault: what several halves tell of their meshes is not had -> return name.startswith((PREFIX, "condition.heat."))
     #   or name in (*SUMS, *LARGEST, *LEAST) | coupler/test_trust_heat_mesh::test_however_bodies_are_divided_it_is_told
-    return name.startswith((PREFIX, "condition.heat.", T_MISSED)) or name in (*SUMS, *LARGEST, *LEAST)
+    return name.startswith(OF_BODIES) or name in (*SUMS, *LARGEST, *LEAST)
 

@@ -22,6 +22,7 @@ from coupler.trust import (
     delivered,
     equilibrium,
     errors,
+    extremes,
     facets,
     heat_mesh,
     instants,
@@ -73,6 +74,7 @@ class TrustLog:
     across: across.AcrossLog = field(default_factory=across.AcrossLog)
     mesh: mesh.MeshLog = field(default_factory=mesh.MeshLog)
     heat_mesh: heat_mesh.HeatMeshLog = field(default_factory=heat_mesh.HeatMeshLog)
+    extremes: extremes.ExtremesLog = field(default_factory=extremes.ExtremesLog)
     stored: stored.StoredLog = field(default_factory=stored.StoredLog)
     solved: solved.SolvedLog = field(default_factory=solved.SolvedLog)
     motion: motion.MotionLog = field(default_factory=motion.MotionLog)
@@ -186,6 +188,14 @@ class TrustWatch:
         return replace(log, mesh=mesh.watched(log.mesh, told, t),
                        heat_mesh=heat_mesh.watched(log.heat_mesh, of_heat, t))
 
+    def wants_extremes(self, log: TrustLog, at_end: bool) -> bool:
+        """Whether to ask the thermal half for what its mesh does to extremes.  at_end : the run is over."""
+        return extremes.due(log.extremes, log.windows, log.temperatures.own_span, at_end)
+
+    def with_extremes(self, log: TrustLog, told: Mapping[str, float], t: float) -> TrustLog:
+        """Return the log after the thermal half told at t [s] how far its extremes are off [K], by name."""
+        return replace(log, extremes=extremes.watched(log.extremes, told, log.windows, log.temperatures.own_span, t))
+
     def acted(self, log: TrustLog, acted: instants.Acted) -> TrustLog:
         """Return the log after rules were asked at the end of a window that was taken."""
         return replace(log, instants=instants.watched(log.instants, acted))
@@ -218,6 +228,7 @@ class TrustWatch:
                             "thermal" in self._own_meshes),
             *carried.shape_checks(log.shapes, "mechanical" in self._own_meshes),
             *heat_mesh.checks(log.heat_mesh, log.temperatures.span, self._meeting),
+            *extremes.checks(log.extremes, log.temperatures.own_span),
             *mesh.checks(log.mesh),
             *across.checks(log.across, log.temperatures.span),
             *rhythm.checks(log.rhythm, self._place(log.rhythm.node), self._interface.bodies),

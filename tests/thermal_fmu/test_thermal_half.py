@@ -143,7 +143,8 @@ def test_first_outputs_are_the_initial_state():
     T = np.where(mesh.node_body == 1, 600.0, 300.0)
     assert np.array_equal(first["T"], T)
     assert np.array_equal(first["surface.T"], T[mesh.contact_nodes])
-    assert not any(np.any(v) for k, v in first.items() if k not in ("T", "surface.T", "heat_rounding"))
+    told = {k: v for k, v in first.items() if k not in ("T", "surface.T", "heat_rounding") and "_off." not in k}
+    assert not any(np.any(v) for v in told.values())
     assert {v.name for v in half.variables if v.causality == "output"} == set(first)
 
 

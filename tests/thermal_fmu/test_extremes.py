@@ -1,0 +1,194 @@
+"""What a mesh does to the hottest and the coldest temperatures: told about as it is, against much smaller cells."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+sys.path.insert(0, str(Path(__file__).parent))
+from thermal_scenes import Box, FlatContact, inputs_of, scene, spec
+
+from contact.half.interface import Interface, Pair
+from contact.half.model import Done
+from contact.half.state import from_bytes, to_bytes
+from thermal_fmu.half import load
+from thermal_fmu.halved import halved
+
+FINE = 2  # times that cells are halved for what is taken for true
+STEADY: dict[str, Any] = {"method": "steady"}
+
+
+def strip(q, a, b, axis="x"):
+    return {"terms": [{"t": q, axis: {"at": [a, a + 1e-6, b - 1e-6, b], "value": [0.0, 1.0, 1.0, 0.0]}}]}
+
+
+def film(on, h, T=0.0):
+    return {"on": on, "convection": {"h": h, "T": T}}
+
+
+def stepped(mesh: Interface, model, dt, n, given=None):
+    """The outputs at the end of n steps of dt [s]."""
+    half, link = load(mesh, model), FlatContact()
+    inputs = inputs_of(mesh, half, **(given(mesh) if given else {}))
+    state, _ = half.start(inputs, 0.0, link)
+    for k in range(n):
+        done = half.step(state, inputs, k * dt, dt, link)
+        assert isinstance(done, Done), done
+        state = done.state
+    return done.outputs
+
+
+def extremes(mesh, model, dt=1.0, n=1, given=None):
+    """What highest and lowest of each body are truly off by, and are told to be: (n_bodies, 2) each, of the range."""
+    out, fine = stepped(mesh, model, dt, n, given), mesh
+    for _ in range(FINE):
+        fine = halved(fine).interface
+    T, true = np.asarray(out["T"]), np.asarray(stepped(fine, model, dt, n, given)["T"])
+    off = [[abs(f(true[fine.node_body == b]) - f(T[mesh.node_body == b])) for f in (np.max, np.min)]
+           for b in range(len(mesh.bodies))]
+    told = [[out[f"mesh.T_{which}_off.{name}"] for which in ("high", "low")] for name in mesh.bodies]
+    return np.array(off) / np.ptp(true), np.array(told) / np.ptp(true)
+
+
+def told_well(true, told):
+    """Within a factor 3 where it is more than 0.5 %, not below 5 % where it is more, no alarm where it is right."""
+    some = true > 0.005
+    assert (told[some] < 3.0 * true[some]).all(), (true, told)
+    assert (told[some] > true[some] / 3.0).all(), (true, told)
+    assert (told[true > 0.05] > 0.05).all(), (true, told)
+    assert (told[true < 0.01] < 0.05).all(), (true, told)
+
+
+def square(n, **more):
+    return scene(Box(0, 1, 0, 1, n, n, **more))
+
+
+def turned(X):
+    c, s = np.cos(0.5), np.sin(0.5)
+    return X @ np.array([[c, s], [-s, c]])
+
+
+ROUND = {"geometry": "axisymmetric"}
+SKEWED = {"k_1": 10.0, "k_2": 1.0, "angle": 0.3}
+HEATED = [{"on": "a.top", "flux": strip(1.0, 0.5, 0.6)}, film("a.bottom", 5.0)]
+SCENES = {
+    "strip of heat": (square(8), spec(HEATED, **STEADY)),
+    "of triangles": (square(8, triangles=True), spec(HEATED, **STEADY)),
+    "strip on skewed axes": (square(8), spec([{"on": "a.top", "flux": strip(1.0, 0.44, 0.56)},
+                                              {"on": "a.bottom", "temperature": 0.0}], k=SKEWED, **STEADY)),
+    "turned mesh": (scene(Box(0, 1, 0, 1, 4, 4), move=turned),
+                    spec([{"on": "a.top", "flux": strip(1.0, 0.1, 0.25)}, film("a.bottom", 3.0)],
+                         k=SKEWED | {"angle": 0.0}, **STEADY)),
+    "graded": (scene(Box(0, 1, 0, 1, 4, 4, x_lines=np.linspace(0, 1, 5) ** 2)),
+               spec([{"on": "a.right", "flux": strip(1.0, 0.4, 0.6, "y")}, film("a.left", 3.0)], **STEADY)),
+    "about an axis": (scene(Box(0, 1, 0, 1, 4, 4), **ROUND),
+                      spec([{"on": "a.top", "flux": strip(1.0, -0.1, 0.1)}, film("a.bottom", 3.0)], **STEADY)),
+    "far from a sink": (scene(Box(0, 4, 0, 1, 16, 4)), spec(
+        [{"on": "a.left", "convection": {"h": strip(1e4, -0.1, 0.1, "y"), "T": 0.0}},
+         {"on": "a.right", "flux": 1.0}], **STEADY)),
+    "by its temperature": (square(4), spec([{"on": "a.top", "flux": strip(300.0, 0.5, 0.7)},
+                                            {"on": "a.bottom", "temperature": 0.0}],
+                                           k={"T": [0.0, 100.0], "value": [1.0, 3.0]}, **STEADY)),
+    "even heat": (square(4), spec([film("a.bottom", 1.0), film("a.top", 1.0), film("a.left", 1.0)], **STEADY)
+                  | {"bodies": {"a": {"material": "m", "T0": 0.0, "Q_T": 1.0}}}),
+}
+
+
+@pytest.mark.parametrize("name", SCENES)
+def test_a_steady_state_is_told_as_it_is(name):
+    told_well(*extremes(*SCENES[name]))
+
+
+@pytest.mark.few("1.0-strip")
+@pytest.mark.parametrize("what", ["shock", "strip", "spot", "cooling"])
+@pytest.mark.parametrize("t", [0.3, 1.0, 5.0, 30.0])
+def test_so_is_a_body_that_warms(what, t):
+    """t : of h^2/a.  A spot of heat is smaller than a cell."""
+    model = {"shock": spec([{"on": "a.left", "flux": 1.0}], method="sdirk2"),
+             "strip": spec([{"on": "a.top", "flux": strip(1.0, 0.5, 0.7)}], method="sdirk2"),
+             "spot": spec([], method="sdirk2") | {"bodies": {"a": {"material": "m", "T0": 0.0, "Q_T": {"terms": [
+                 {"t": 1.0} | {axis: {"at": [0.41, 0.410001, 0.53, 0.530001], "value": [0.0, 1.0, 1.0, 0.0]}
+                               for axis in ("x", "y")}]}}}},
+             "cooling": spec([film("a.left", 5.0), film("a.top", 5.0)], T0=1.0)}[what]
+    told_well(*extremes(square(8), model, t / 64.0 / 40, 40))
+
+
+@pytest.mark.parametrize("heat", ["flux", "friction"])
+def test_so_is_what_bodies_exchange(heat):
+    mesh = scene(Box(0, 1, 0, 1, 4, 4), Box(0.35, 0.55, 1, 1.4, 1, 1),
+                 pairs=(Pair("p", "b.bottom", "a.top", 0.1, 0.0),))
+    flux = [{"on": "b.top", "flux": 1.0}] if heat == "flux" else []
+    model = spec([film("a.bottom", 5.0), *flux], **STEADY,
+                 pairs={"p": {"conduction": {"closed": {"law": "constant", "h": 100.0}, "open": None}}})
+    model["bodies"]["b"] = {"material": "m", "T0": 0.0}
+
+    def given(of):
+        side, E = of.pair_sides[0], np.zeros(len(of.pair_nodes))
+        x = of.nodes[side.nodes, 0]
+        half, order = np.diff(np.sort(x)) / 2.0, np.argsort(x)
+        E[side.at][order[:-1]] += half
+        E[side.at][order[1:]] += half
+        return {"t_N": -np.ones(E.size), "contact.E_friction": E if heat == "friction" else 0.0 * E}
+
+    told_well(*extremes(mesh, model, given=given))
+
+
+def test_heat_of_mechanics_stays_in_its_cell():
+    mesh = square(4)
+    model = spec([film("a.bottom", 5.0)], **STEADY)
+
+    def given(of):
+        x, y = of.nodes[of.quads].mean(axis=1).T
+        inside = (np.abs(x - 0.375) < 0.125) & (np.abs(y - 0.625) < 0.125)
+        return {"E_M": inside / inside.sum()}
+
+    told_well(*extremes(mesh, model, given=given))
+
+
+def test_what_is_prescribed_has_no_error():
+    out = stepped(square(4), spec([{"on": "a.left", "temperature": 1.0}, {"on": "a.right", "temperature": 0.0}]), 0.01,
+                  3)
+    assert out["mesh.T_high_off.a"] == out["mesh.T_low_off.a"] == 0.0
+
+
+def test_errors_grow_since_data_jumped():
+    """A flux that begins late: what its surface is off by is that of its own time, not that of all the run."""
+    late = {"terms": [{"t": {"t": [0.0, 1.0, 1.0, 9.0], "value": [0.0, 0.0, 1.0, 1.0]}}]}
+    early, dt = spec([{"on": "a.left", "flux": 1.0}], method="sdirk2"), 1.0 / 128.0
+    one = stepped(square(8), early, dt, 2)["mesh.T_high_off.a"]
+    other = stepped(square(8), early | {"boundary": [{"on": "a.left", "flux": late}]}, dt, 130)["mesh.T_high_off.a"]
+    assert other == pytest.approx(one, rel=0.1)
+
+
+def test_bodies_elsewhere_are_told_by_their_own_half():
+    mesh = scene(Box(0, 1, 0, 1, 4, 4), Box(0, 1, 1, 2, 4, 4), pairs=(Pair("p", "b.bottom", "a.top", 0.1, 0.0),))
+    model = spec([{"on": "a.bottom", "flux": strip(1.0, 0.5, 0.6)}], elsewhere=["b"],
+                 pairs={"p": {"conduction": {"closed": {"law": "constant", "h": 1.0}, "open": None}}})
+    model["bodies"]["b"] = {"material": "m", "T0": 0.0}
+    out = stepped(mesh, model, 0.1, 3, lambda of: {"t_N": -np.ones(len(of.pair_nodes))})
+    assert {n for n in out if n.startswith("mesh.T_high")} == {"mesh.T_high_off.a"}
+    assert out["mesh.T_high_off.a"] > 0.0
+
+
+def test_a_state_in_bytes_and_a_start_tell_that_it_is_not_known():
+    mesh, model = SCENES["strip of heat"]
+    half, link = load(mesh, model), FlatContact()
+    inputs = inputs_of(mesh, half)
+    state, first = half.start(inputs, 0.0, link)
+    assert first["mesh.T_high_off.a"] == -1.0
+    done = half.step(state, inputs, 0.0, 1.0, link)
+    assert done.outputs.unless_asked == {"mesh.T_high_off.a": -1.0, "mesh.T_low_off.a": -1.0}
+    again = half.step(from_bytes(to_bytes(state), ("thermal_fmu",)), inputs, 0.0, 1.0, link)
+    assert again.outputs["mesh.T_high_off.a"] == done.outputs["mesh.T_high_off.a"]
+
+
+def test_one_point_a_node_is_not_told():
+    pair = Pair("p", "b.bottom", "a.top", 0.1, 0.0, by_node=True)
+    mesh = scene(Box(0, 1, 0, 1, 2, 2), Box(0, 1, 1, 2, 2, 2), pairs=(pair,))
+    model = spec([])
+    model["bodies"]["b"] = {"material": "m", "T0": 0.0}
+    assert not [v.name for v in load(mesh, model).variables if "_off." in v.name]
