@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from contact.half.model import Outputs, Value, Variable
 from mechanical_fmu.advance import StepDrive, StepResult
 from mechanical_fmu.material import Moduli
-from mechanical_fmu.recovery import dropped_energy, heat_energy, missed_energy, rounding_energy
+from mechanical_fmu.recovery import dropped_energy, heat_energy, missed_energy, rounding_energy, uneven_energy
 from mechanical_fmu.system import Loading, System
 from mechanical_fmu.volume import PointStep, von_mises
 
@@ -66,8 +66,9 @@ def mesh_variables(system: System) -> tuple[Variable, ...]:
     if not system.volume.tells_stress or system.program is not None:
         return ()
     told = (("missed", "strain energy that the mesh of the body misses, estimated"),
-            ("energy", "strain energy of the body's stress"),
-            ("heat", "strain energy of the body's thermal strain, were it held along one direction"))
+            ("energy", "strain energy of the body's stress, without what plane strain holds across the plane"),
+            ("heat", "strain energy of the body's thermal strain, were it held along one direction"),
+            ("uneven", "the same of what its thermal strain differs from its mean"))
     return tuple(Variable(f"mesh.{what}.{name}", unit="J", description=text)
                  for name in _bodies_with_cells(system) for what, text in told)
 
@@ -126,7 +127,7 @@ def _of_mesh(system: System, stress: list[Floats], moduli: tuple[Moduli, ...], e
     volume = system.volume
     n_nodes = max((int(cells.nodes.max()) for cells in volume.kinds), default=-1) + 1
     n_bodies, free = len(system.interface.bodies), system.expansion(end.T, end.f_s)
-    missed, energy = missed_energy(volume.kinds, stress, moduli, n_nodes, n_bodies)
+    missed, energy = missed_energy(volume.kinds, stress, moduli, n_nodes, n_bodies, not system.interface.axisymmetric)
     # fault: heat that cells drop is not told -> dropped = np.zeros_like(missed) |
     #   mechanical_fmu/test_thermal_bending
     dropped = dropped_energy(volume.kinds, free, moduli, n_bodies)
@@ -135,7 +136,8 @@ def _of_mesh(system: System, stress: list[Floats], moduli: tuple[Moduli, ...], e
     # fault: stress of rounding is told as that of a load -> bears = missed >= 0.0 | mechanical_fmu/test_recovery
     bears = missed + energy > rounding_energy(volume.kinds, moduli, system.interface.nodes + u, n_bodies)
     told = {"missed": bears * missed, "energy": bears * energy,
-            "heat": heat_energy(volume.kinds, free, moduli, n_bodies)}
+            "heat": heat_energy(volume.kinds, free, moduli, n_bodies),
+            "uneven": uneven_energy(volume.kinds, free, moduli, n_bodies)}
     return {f"mesh.{what}.{name}": float(of[b]) for name, b in _bodies_with_cells(system).items()
             for what, of in told.items()}
 

@@ -142,7 +142,7 @@ def _taken(bench: Bench, make: Callable[[], Half], given: Given, terms: tuple[st
     try:
         blocks = half.blocks
         names = [name for name, b in blocks.items() if b.causality == "output" and (
-            name in (main, "contact.t_N", *terms) or name.startswith(("mesh.missed.", "mesh.energy.")))]
+            name in (main, "contact.t_N", *terms) or name.startswith(("mesh.missed.", "mesh.energy.", "mesh.uneven.")))]
         starts = {name: v for name, v in bench.starts.items() if name in blocks and blocks[name].shape == v.shape}
         if "control.method" in blocks and make is bench.reference and main == "T":
             starts["control.method"] = np.array(SECOND_ORDER)
@@ -276,6 +276,7 @@ def _missed(said: Mapping[str, Array]) -> float:
     shares = [0.0]
     for name, energy in said.items():
         if name.startswith("mesh.energy.") and energy > 0.0:
-            missed = float(said.get(f"mesh.missed.{name.removeprefix('mesh.energy.')}", np.array(0.0)))
-            shares.append(missed / (missed + float(energy)))
+            missed, uneven = (float(said.get(name.replace("energy", what, 1), np.array(0.0)))
+                              for what in ("missed", "uneven"))
+            shares.append(missed / (missed + float(energy) + uneven))
     return max(shares)

@@ -68,7 +68,7 @@ def test_it_is_read_from_a_half_when_it_is_asked_for(tmp_path):
     scenario = load_scenario(scene(tmp_path, "[10, 2]"))
     with launch(scenario, processes=False) as halves:
         names = mesh.mesh_outputs(halves.mechanical.blocks)
-        assert names == ["mesh.missed.beam", "mesh.energy.beam", "mesh.heat.beam"]
+        assert names == ["mesh.missed.beam", "mesh.energy.beam", "mesh.heat.beam", "mesh.uneven.beam"]
         assert all(halves.mechanical.blocks[n].unit == "J" for n in names)
         assert mesh.mesh_outputs(halves.thermal.blocks) == []
 
@@ -132,3 +132,38 @@ def test_a_disc_that_cools_evenly_is_trusted(tmp_path):
     assert check_of(results.trust).verdict == "holds"
     assert 0.0 < results.extremes["mechanical.sigma_v"].max() < 1e5
     assert results.broken == ()
+
+
+BOWS = """
+slideline: 2
+units: {{temperature: K}}
+geometry: plane
+materials:
+  m: {{rho: 7800, c: 480, k: 45, E: 2.1e11, nu: 0.3, alpha: 1.2e-5, T_ref: 300}}
+bodies:
+  plate: {{mesh: {{rectangle: {{origin: [0, 0], size: [0.1, 0.005], cells: {cells}}}}}, material: m, T0: 300}}
+thermal:
+  method: steady
+  boundary: [{{on: plate.bottom, temperature: 300}}, {{on: plate.top, temperature: {{t: [0, 1], value: [300, 400]}}}}]
+mechanical:
+  half: elastic
+  elastic:
+    state: {state}
+    boundary: [{{on: plate.left, u_x: 0}}, {{at: plate.left.bottom, u_y: 0}}]
+coupling: {{end: 1, windows: [{{until: 1, size: 0.5}}]}}
+probes: {{tip: {{u_y: plate.right.centre}}}}
+"""
+
+
+@pytest.mark.parametrize("state", ["plane_strain", "plane_stress"])
+@pytest.mark.parametrize(("cells", "verdict", "off"), [("[20, 4]", "broken", 0.2), ("[80, 4]", "noted", 0.04),
+                                                       ("[160, 16]", "holds", 0.0)])
+def test_a_plate_that_bows_by_heat(tmp_path, state, cells, verdict, off):
+    """Free of stress in its plane: what its cells make of it is no measure, nor what holds it across the plane."""
+    file = tmp_path / "plate.yaml"
+    file.write_text(BOWS.format(cells=cells, state=state))
+    results = run(load_scenario(file), tmp_path / "run.h5")
+    exact = -1.2e-5 * 100.0 / 0.005 * 0.1**2 / 2.0 * (1.3 if state == "plane_strain" else 1.0)
+    tip = float(results.probe("tip")[1][-1])
+    assert off < 1.0 - tip / exact < 2.0 * off + 0.03
+    assert check_of(results.trust).verdict == verdict

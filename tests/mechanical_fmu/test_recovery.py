@@ -13,7 +13,7 @@ sys.path.insert(0, str(Path(__file__).parent))
 from cell_scenes import PLANE, Stuff, equilibrium, grid, moduli_of, quads, volume_of
 from mechanical_scenes import NoLink, block, elastic, hold, inputs_of
 
-from mechanical_fmu.recovery import energies, heat_energy, missed_energy, recovered, rounding_energy
+from mechanical_fmu.recovery import energies, heat_energy, missed_energy, recovered, rounding_energy, uneven_energy
 from mechanical_fmu.volume import PointStep
 
 E, NU = 1e9, 0.3
@@ -102,6 +102,33 @@ def test_the_energy_of_a_stress():
     assert energies(stress, m, cell.weight) == pytest.approx(9e12 / E)
     stress[..., 0], stress[..., 2] = 0.0, 2e6
     assert energies(stress, m, cell.weight) == pytest.approx(4e12 * 2.0 * (1.0 + NU) / E)
+
+
+def test_what_is_held_across_the_plane_is_no_energy_of_the_mesh():
+    """Plane strain: heat alone makes E alpha dT across, which nothing relieves; tension s (1 - nu^2)/E of its own."""
+    nodes, cells = grid(1, 1, lambda s, t: (s, t))
+    volume = volume_of(quads(nodes, cells), PLANE["mean dilatation"])
+    (cell,), (m,) = volume.kinds, moduli_of(volume, Stuff(E, NU))
+    stress = np.zeros((1, cell.N.shape[0], 4))
+    stress[..., 3] = -5e6
+    assert energies(stress, m, cell.weight, held=True)[0] == pytest.approx(0.0, abs=1e-6 * 25e12 / E)
+    stress[..., 0] = 3e6
+    stress[..., 3] += NU * 3e6
+    assert energies(stress, m, cell.weight, held=True) == pytest.approx(9e12 * (1.0 - NU**2) / E)
+    missed = [missed_energy([cell], [stress], [m], len(nodes), 1, plane)[1][0] for plane in (True, False)]
+    assert missed[0] == pytest.approx(0.5 * 9e12 * (1.0 - NU**2) / E)
+    assert missed[1] == pytest.approx(missed[0] + 0.5 * 25e12 / E)
+
+
+def test_the_energy_of_uneven_heat():
+    """E/2 (e - mean)^2: of a strain that is linear over a length h, E/2 (e' h)^2/12; of an even one nothing."""
+    nodes, cells = grid(4, 3, lambda s, t: (2.0 * s, t))
+    volume = volume_of(quads(nodes, cells), PLANE["plane stress"])
+    moduli, (kind,) = moduli_of(volume, Stuff(E, NU)), volume.kinds
+    y = np.einsum("qa,ea->eq", kind.N, nodes[kind.nodes][..., 1])
+    uneven = uneven_energy(volume.kinds, [1e-3 * y + 5e-3], moduli, 1)[0]
+    assert uneven == pytest.approx(2.0 * 0.5 * E * 1e-6 / 12.0)
+    assert uneven_energy(volume.kinds, [np.full_like(y, 5e-3)], moduli, 1)[0] < 1e-12 * uneven
 
 
 def test_a_body_that_moves_bears_nothing_by_rounding():
