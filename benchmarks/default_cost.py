@@ -37,7 +37,6 @@ import fresh_scenes as fresh  # noqa: E402  (of the tests)
 
 from coupler import CouplingError, Results, Scenario, load_scenario, run  # noqa: E402
 from coupler.scenario.load import scenario_from  # noqa: E402
-from coupler.scenario.options import ErrorTolerances  # noqa: E402
 
 Array = NDArray[np.float64]
 Coupling = Mapping[str, Any]
@@ -136,7 +135,9 @@ def fixed(case: Case, way: str, size: float) -> Scenario:
 
 def by_defaults(case: Case, looser: float) -> Scenario:
     """The scene with nothing stated but its end, and tolerances of so many times the defaults."""
-    tolerance = {name: {"atol": looser * q.atol, "rtol": min(looser * q.rtol, 1.0)} for name, q in ErrorTolerances()}
+    own = case.scene({"end": case.end}).coupling.adaptive
+    assert own is not None, "windows are adaptive where none are listed"
+    tolerance = {name: {"atol": looser * q.atol, "rtol": min(looser * q.rtol, 1.0)} for name, q in own.tolerance}
     return case.scene({"end": case.end, "adaptive": {"tolerance": tolerance}})
 
 

@@ -62,15 +62,17 @@ def _windows(axis: str, factor: float, tree: Tree) -> Sets:
 
 
 def _tolerance(axis: str, factor: float, tree: Tree) -> Sets:
-    """Scale every tolerance of adaptive windows, defaults too."""
+    """Scale every tolerance of adaptive windows, defaults too: an `atol` that is left out goes with `rtol`."""
     coupling = tree.get("coupling", {})
     adaptive = coupling.get("adaptive", {})
     if "windows" in coupling or not isinstance(adaptive, dict):
         raise ScenarioError("the scenario has no adaptive windows", key=f"grid {axis}", value=factor,
                             remedy="Give coupling.adaptive in the grid too; fixed windows go with the axis `windows`.")
-    given = ErrorTolerances.model_validate(adaptive.get("tolerance", {}))
-    return {f"coupling.adaptive.tolerance.{quantity}": {name: factor * size for name, size in of.items()}
-            for quantity, of in given.model_dump().items()}
+    given = adaptive.get("tolerance", {})
+    checked = ErrorTolerances.model_validate(given)
+    return {f"coupling.adaptive.tolerance.{quantity}": {
+        key: factor * getattr(of, key) for key in ("atol", "rtol") if key == "rtol" or key in given.get(quantity, {})}
+        for quantity, of in checked}
 
 
 def _mesh(axis: str, factor: float, tree: Tree) -> Sets:

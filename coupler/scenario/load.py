@@ -41,6 +41,7 @@ from coupler.scenario.quantities import with_overrides, with_plain_numbers
 from coupler.scenario.recordings import TakenRecording, recordings_of, with_recording
 from coupler.scenario.rule_model import Drive, Give, Rule
 from coupler.scenario.rules import rules_of
+from coupler.scenario.scales import scaled, scales_of
 from coupler.scenario.scene import Context, Scene, scene_of
 from coupler.scenario.schema import ScenarioFile
 from coupler.scenario.several import Several, several_of, several_wrongs
@@ -296,7 +297,8 @@ def _checked(document: Document, overrides: Mapping[str, Any]) -> Scenario:
     recordings = recordings_of(document, file, scene.interface, found)
     coupling, output = None, None
     with found.each():
-        coupling = coupling_of(document, file.coupling, written)
+        coupling = scaled(coupling_of(document, file.coupling, written),
+                          scales_of(scene.interface, written, file.coupling.end), document)
     if (lack := frozen_entropy_wrong(file, file.coupling.scheme, ("coupling", "scheme"))) is not None:
         found.wrong(lack.key, lack.text, lack.remedy)
     conditions = condition_outputs(written, [p.name for p in scene.interface.pairs])

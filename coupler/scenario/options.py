@@ -61,6 +61,9 @@ def _all_have_defaults(schema: dict[str, Any]) -> None:
 class Tolerance(Part):
     """atol, in the unit of its quantity, is the floor where nothing changes; rtol is a share of the change.
 
+    The default of atol here is that of a scene of 0.1 m at 330 K; where a file states none, a run takes that of its
+    own scene (coupler.scenario.scales).
+
     Measured against the change in the window, the errors of all windows add up to at most rtol of the way the
     quantity went, whatever the size of the windows.
     """
@@ -94,17 +97,17 @@ class Tolerances(_ByQuantity):
         "quantity goes; `atol` > 0 is the floor at rest",
         unit="K",
         kind="`{atol, rtol}`",
-        default="1e-4, 1e-4")] = Tolerance(atol=1e-4, rtol=1e-4)
+        default="of the scene, 1e-4")] = Tolerance(atol=1e-4, rtol=1e-4)
     gap: Annotated[Tolerance, Entry(
-        "of every coordinate; 1e-4 of a gas layer of 10 um",
+        "of every coordinate",
         unit="m",
         kind="`{atol, rtol}`",
-        default="1e-9, 1e-4")] = Tolerance(atol=1e-9, rtol=1e-4)
+        default="of the scene, 1e-4")] = Tolerance(atol=1e-9, rtol=1e-4)
     pressure: Annotated[Tolerance, Entry(
-        "1e-4 of 1 MPa",
+        "of every node of a pair",
         unit="Pa",
         kind="`{atol, rtol}`",
-        default="100, 1e-4")] = Tolerance(atol=100.0, rtol=1e-4)
+        default="of the scene, 1e-4")] = Tolerance(atol=100.0, rtol=1e-4)
     solid_fraction: Annotated[Tolerance, Entry(
         "0.4 J/kg of aluminium's latent heat, as little as `temperature`'s",
         kind="`{atol, rtol}`",

@@ -19,8 +19,8 @@ from numpy.typing import NDArray
 
 from contact.half.functions import Field, field_from
 from contact.half.interface import Interface
+from coupler.scenario.thermal_data import stated_data
 from coupler.trust.checks import Check, measured
-from coupler.trust.thermal_data import stated_data
 
 Array = NDArray[np.float64]
 

@@ -8,19 +8,12 @@ the upper bound alone, heat that is taken away the lower; where both happen noth
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from typing import Any
 
-import numpy as np
-from numpy.typing import NDArray
-
-from contact.half.functions import Field, Profile, field_from
+from coupler.scenario.thermal_data import TemperatureData
 from coupler.schemes.levels import Level
 from coupler.trust.checks import Check, TrustVerdict, amount, measured
-from coupler.trust.thermal_data import stated_data
-
-Array = NDArray[np.float64]
 
 NOTE_AT, LIMIT = 1e-6, 1e-3  # of the span; round-off and iteration lie below, consistent elements between
 # Of the largest temperature: what a scene at rest has for a span, so that nothing is held against a warmth of next to
@@ -69,80 +62,6 @@ class TemperatureLog:
         # fault: a warmth of next to nothing is held against itself -> return 1e-300 |
         #   coupler/test_trust_heat_mesh::test_bodies_that_hardly_warm_are_not_held_against_their_own_warmth
         return LEAST_SPAN * max(abs(self.most), abs(self.least))
-
-
-class TemperatureData:
-    """The temperatures that a scene prescribes.  model : of the thermal half (model.json), SI and kelvin."""
-
-    def __init__(self, model: Mapping[str, Any]) -> None:
-        fields = tuple(_fields(model))
-        steady = [float(np.sum(f.level(0.0))) for f, name in fields if _is_steady(f) and not name]
-        self._steady = min(steady, default=math.inf), max(steady, default=-math.inf)
-        self._fields = tuple((f, name) for f, name in fields if name or not _is_steady(f))
-        # An FMU that lies ready has data of its own, which nobody here knows.
-        self.known = not str(model.get("half", "")).endswith(".fmu")
-
-    def between(self, t0: float, t1: float, x: Array, inputs: Mapping[str, float]) -> tuple[float, float]:
-        """Return the lowest and highest [K] of the data from t0 to t1 [s], jumps at both ends included.
-
-        x : (n, 2) [m], in whose box a field over place is bounded.  inputs : of the half in that time, of which
-        load.NAME scales a prescribed temperature.  (inf, -inf) where there are no such data.
-        """
-        low, high = self._steady
-        for field, name in self._fields:
-            # fault: what scales a prescribed temperature is not known -> factor = 1.0 | coupler/test_trust
-            factor = inputs.get(f"load.{name}", 1.0) if name else 1.0
-            times = {t0, t1, *(float(t) for s in field.signals for t in s.kinks if t0 < t < t1)}
-            for t in times:
-                for side in (-1, 1):
-                    ends = [factor * bound for bound in _bounds(field, t, side, x)]
-                    low, high = min(low, *ends), max(high, *ends)
-        return low, high
-
-
-def _fields(model: Mapping[str, Any]) -> Iterator[tuple[Field, str]]:
-    """Each field of temperatures, and the name by which it is scaled; "" for none."""
-    for stated in stated_data(model):
-        given, name = stated.given, stated.name
-        if stated.kind in ("convection", "radiation"):
-            yield field_from(given["T"]), ""
-        elif stated.kind == "temperature" and isinstance(given, Mapping) and "dataset" in given:
-            yield from ((field_from(given["least"]), name), (field_from(given["most"]), name))  # of another run: known
-        elif stated.kind == "temperature":
-            yield field_from(given), name
-
-
-def _is_steady(field: Field) -> bool:
-    return field.is_uniform and all((s.value == s.value[0]).all() for s in field.signals)
-
-
-def _bounds(field: Field, t: float, side: int, x: Array) -> tuple[float, float]:
-    if field.is_uniform:
-        value = float(np.sum(field.level(t, side)))
-        return value, value
-    low = high = 0.0
-    for term in field.terms:
-        a = b = term.t.at(t, side)
-        for profile, s in ((term.x, x[:, 0]), (term.y, x[:, 1])):
-            if profile is not None:
-                least, most = _profile_bounds(profile, float(s.min()), float(s.max()))
-                products = (a * least, a * most, b * least, b * most)
-                a, b = min(products), max(products)
-        low, high = low + a, high + b
-    return low, high
-
-
-def _profile_bounds(profile: Profile, first: float, last: float) -> tuple[float, float]:
-    if profile.at is None:
-        # Extremes of a polynomial: at the ends and where its slope is 0.
-        roots = np.polynomial.polynomial.polyroots(np.polynomial.polynomial.polyder(profile.value)) if (
-            len(profile.value) > 2 and profile.value[2:].any()) else np.empty(0)
-        inner = roots.real[(np.abs(roots.imag) < 1e-12) & (roots.real > first) & (roots.real < last)]
-        values = profile(np.concatenate([[first, last], inner]))
-    else:
-        inside = profile.at[(profile.at > first) & (profile.at < last)]
-        values = profile(np.concatenate([[first, last], inside]))
-    return float(values.min()), float(values.max())
 
 
 def begun(now: Level) -> TemperatureLog:

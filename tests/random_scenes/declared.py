@@ -19,6 +19,7 @@ from contact.problem import laws
 from contact.problem.curves import FieldSum, Phases, Polynomial, ProfilePolynomial, PropertyTable, SignalTable
 from contact.problem.part import Entry, Part
 from contact.problem.values import SignalName
+from coupler.scenario.options import ErrorTolerances, Tolerances
 from coupler.scenario.schema import ScenarioFile
 from random_scenes.scene import Scene
 
@@ -93,8 +94,16 @@ class Restating:
 
     def part(self, part: Part, entry: Entry | None = None) -> dict[str, Any]:
         """A mapping as plain data.  entry : what is said of it as a whole."""
-        made = {}
+        made: dict[str, Any] = {}
         names = [*type(part).model_fields, *(part.__pydantic_extra__ or {})]
+        if isinstance(part, ErrorTolerances | Tolerances):
+            # What a file does not state of a tolerance is of the scene: written out, it would be a number.
+            usual = type(part)()
+            made = {name: self.part(getattr(part, name), self.entry(part, name, entry)) for name in names}
+            plain = {name: {key: value for key, value in of.items()
+                            if getattr(getattr(part, name), key) != getattr(getattr(usual, name), key)}
+                     for name, of in made.items()}
+            return {name: of for name, of in plain.items() if of}
         for name in names:
             value = getattr(part, name)
             field = type(part).model_fields.get(name)

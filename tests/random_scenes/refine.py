@@ -25,8 +25,9 @@ def finer_windows(scene: Scene, times: float = 2.0) -> Scene:
     coupling = doc["coupling"]
     if "adaptive" in coupling:
         given = coupling["adaptive"].get("tolerance", {})
-        tolerance = {name: {key: value / times for key, value in {**default, **given.get(name, {})}.items()}
-                     for name, default in ErrorTolerances().model_dump().items()}
+        # An atol that is left out goes with rtol.
+        tolerance = {name: {key: value / times for key, value in {"rtol": usual.rtol, **given.get(name, {})}.items()}
+                     for name, usual in ErrorTolerances()}
         coupling["adaptive"] = {**coupling["adaptive"], "first": coupling["adaptive"]["first"] / times,
                                 "tolerance": tolerance}
         return replace(scene, doc=doc)
