@@ -341,7 +341,11 @@ class _Reading:
 
     def _name(self, node: CommentedMap, name: Any, key: Key) -> str:
         if not isinstance(name, str):
-            raise self._error(key, f"the key {name!r} is not text",
+            # fault: a place written by a program of YAML 1.1 is not understood -> on = False |
+            #   coupler/test_scenario_reading::test_an_on_that_became_true_is_understood
+            on = name is True
+            raise self._error(key, f"the key {str(name).lower() if on else repr(name)} is not text",
+                              "A program that writes YAML 1.1 makes `true` of `on`: write on." if on else
                               "Write the key as a word, or in quotes; a number has a decimal point, not a comma.")
         self._refuse_controls(name, key)
         # fault: names of any length -> if False: | coupler/test_scenario_reading

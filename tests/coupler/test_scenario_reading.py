@@ -71,6 +71,12 @@ def test_slips_of_typing_have_a_remedy(data: bytes, words: str, remedy: str, tmp
     assert remedy in error.remedy
 
 
+def test_an_on_that_became_true_is_understood(tmp_path: Path) -> None:
+    error = refusal(tmp_path / "scene.yaml", b"thermal: {boundary: [{true: rod.left, temperature: 20}]}\n")
+    assert error.key == "thermal.boundary.0"
+    assert "the key true is not text. A program that writes YAML 1.1 makes `true` of `on`: write on" in str(error)
+
+
 def test_what_is_done_to_a_document_another_of_the_same_text_does_not_see(tmp_path: Path,
                                                                           monkeypatch: pytest.MonkeyPatch) -> None:
     text = "a: {b: [1, 2.5, two]}\nc: &c {d: 1e-3}\ne: *c\n"
