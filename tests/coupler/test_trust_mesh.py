@@ -167,3 +167,18 @@ def test_a_plate_that_bows_by_heat(tmp_path, state, cells, verdict, off):
     tip = float(results.probe("tip")[1][-1])
     assert off < 1.0 - tip / exact < 2.0 * off + 0.03
     assert check_of(results.trust).verdict == verdict
+
+
+def test_heat_that_has_just_come_in_counts_by_its_share():
+    """A tenth of the thermal strain, in energy, is there when the mesh misses most of it; a load counts in full."""
+    numbers = {}
+    for energy in (30.0, 50.0):
+        log = mesh.MeshLog()
+        for t, missed, heat in ((1.0, 10.0, 20.0), (2.0, 0.5, 200.0)):
+            log = mesh.watched(log, {"mesh.missed.a": missed, "mesh.energy.a": energy, "mesh.heat.a": heat,
+                                     "mesh.uneven.a": 10.0}, t)
+        (check,) = mesh.checks(log)
+        numbers[energy] = check.number
+        assert check.t == 1.0
+    assert numbers[30.0] == pytest.approx(np.sqrt(1.0 / (1.0 + 40.0)))
+    assert numbers[50.0] == pytest.approx(np.sqrt(10.0 / (10.0 + 60.0)))
