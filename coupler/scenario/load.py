@@ -41,7 +41,7 @@ from coupler.scenario.quantities import with_overrides, with_plain_numbers
 from coupler.scenario.recordings import TakenRecording, recordings_of, with_recording
 from coupler.scenario.rule_model import Drive, Give, Rule
 from coupler.scenario.rules import rules_of
-from coupler.scenario.scales import scaled, scales_of
+from coupler.scenario.scales import loose_iterations, scaled, scales_of
 from coupler.scenario.scene import Context, Scene, scene_of
 from coupler.scenario.schema import ScenarioFile
 from coupler.scenario.several import Several, several_of, several_wrongs
@@ -137,6 +137,7 @@ class Scenario:
         if self.temperature_unit != "K":
             given = [what for rule in self.rules for what in (*rule.do, rule.drive) if isinstance(what, Give | Drive)]
             found += scaled_temperatures(thermal, [g.name for g in given if g.half == "thermal"])
+        found += loose_iterations(self.coupling)
         return tuple(found + contact_notes(self.interface, thermal, self.models["mechanical"]) +
                      thermal_notes(thermal, self.interface.pairs, mean_T0(thermal, self.interface)))
 

@@ -90,6 +90,31 @@ def test_what_is_stated_stays_and_what_is_left_out_goes_with_rtol(tmp_path):
     assert window.displacement.atol == pytest.approx(usual.displacement.atol), "rtol 0 is no share"
 
 
+def test_iterations_leave_less_than_a_stated_tolerance_of_windows(tmp_path):
+    usual = tolerances(tmp_path)[1]
+    window, iteration = tolerances(tmp_path, coupling__adaptive__tolerance={
+        "temperature": {"atol": 1e-5}, "gap": {"rtol": 1e-5}})
+    assert iteration.temperature.atol == pytest.approx(0.003 * 1e-5)
+    assert iteration.gap.atol == pytest.approx(0.01 * window.gap.atol)
+    loose = tolerances(tmp_path, coupling__adaptive__tolerance={"temperature": {"atol": 10.0}})[1]
+    assert loose.temperature.atol == usual.temperature.atol
+
+
+def test_iterations_that_leave_more_than_a_window_may_err_by_are_told(tmp_path):
+    def told(**changes):
+        scenario = scenario_from(json.dumps(SCENE), tmp_path / "scene.yaml",
+                                 {key.replace("__", "."): value for key, value in changes.items()})
+        return [note for note in scenario.notes if "iterations may leave" in note]
+
+    assert not told()
+    assert not told(coupling__iteration__tolerance__temperature__atol=1e-3)
+    note, = told(coupling__iteration__tolerance__temperature__atol=0.01)
+    assert "0.01 K (coupling.iteration.tolerance.temperature.atol)" in note
+    assert "0.005 K at rest" in note
+    assert not told(coupling__iteration__tolerance__temperature__atol=0.01,
+                    coupling__windows=[{"until": 100.0, "size": 1.0}])
+
+
 def test_a_scene_at_one_temperature_is_held_to_a_share_of_it(tmp_path):
     window, _ = tolerances(tmp_path, bodies__hot__T0=300.0, thermal__boundary=[])
     assert window.temperature.atol == pytest.approx(3e-5 * 300.0)
