@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from typing import Any
+
 from contact.problem.errors import Wrong
 from coupler.scenario.document import Key
 from coupler.scenario.options import Scheme
@@ -32,3 +35,15 @@ def frozen_entropy_wrong(file: ScenarioFile, scheme: Scheme | None, key: Key) ->
                           f"{file.coupling.substeps.mechanical} substeps in it",
                      f"Leave coupling.substeps.mechanical at 1, or {other}")
     return None
+
+
+def lost_heat(mechanical: Mapping[str, Any], scheme: Scheme) -> list[str]:
+    """A sentence where only windows of the scheme adiabatic have the heat of compression.
+
+    mechanical : model.json of the mechanical half.
+    """
+    # fault: nobody says that heat of compression is left out -> if True: | coupler/test_frozen_entropy
+    if scheme is Scheme.ADIABATIC or not mechanical.get("adiabatic") or mechanical.get("thermoelastic_heat"):
+        return []
+    return ["mechanical.elastic.adiabatic: only windows of the scheme adiabatic heat what is compressed; with scheme: "
+            f"{scheme.value} others leave that heat out: add thermoelastic_heat: true"]

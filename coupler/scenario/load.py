@@ -29,7 +29,7 @@ from coupler.scenario.document import (
     read_document,
     scenario_error,
 )
-from coupler.scenario.frozen_entropy import frozen_entropy_wrong
+from coupler.scenario.frozen_entropy import frozen_entropy_wrong, lost_heat
 from coupler.scenario.kinds import OWN, REPLAY, check_kind, fmu_path, understood_by
 from coupler.scenario.mesh import mesh_path
 from coupler.scenario.notes import contact_notes, mean_T0, scaled_temperatures, sign_notes, thermal_notes
@@ -133,6 +133,7 @@ class Scenario:
                              "docs/write_a_half.md): what it leaves out nobody can tell")
         if self.stated is not None:
             found += unlikely(self.stated, self.interface, self.units)
+        found += lost_heat(self.models["mechanical"], self.coupling.scheme)
         thermal = self.models["thermal"]
         if self.temperature_unit != "K":
             given = [what for rule in self.rules for what in (*rule.do, rule.drive) if isinstance(what, Give | Drive)]

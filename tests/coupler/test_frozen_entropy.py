@@ -83,3 +83,13 @@ def test_halves_without_stress_and_substeps_in_a_window_are_refused(tmp_path):
     assert "which the half rigid does not have" in str(rigid)
     twice = error_of(file_of(tmp_path, ("  end: 4", "  substeps: {mechanical: 2}\n  end: 4")))
     assert "2 substeps" in str(twice)
+
+
+@pytest.mark.parametrize(("scheme", "more", "told"), [
+    ("auto", "", True), ("staggered", "", True), ("adiabatic", "", False),
+    ("auto", "thermoelastic_heat: true, ", False)])
+def test_heat_of_compression_that_other_schemes_leave_out_is_told(tmp_path, scheme, more, told):
+    """A block pressed by 200 MPa stayed at 300 K in place of 300.353 K, with `auto`."""
+    path = file_of(tmp_path, ("scheme: adiabatic", f"scheme: {scheme}"),
+                   ("{adiabatic: true, ", f"{{adiabatic: true, {more}"))
+    assert bool([note for note in load_scenario(path).notes if "leave that heat out" in note]) == told
