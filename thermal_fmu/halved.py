@@ -75,7 +75,8 @@ def halved(interface: Interface) -> Halved:
         surfaces={name: edges(of) for name, of in interface.surfaces.items()},
         node_sets={name: nodes(of) for name, of in interface.node_sets.items()}, start={}, offset={},
         stiffness={name: np.repeat(of, 2) for name, of in interface.stiffness.items()})
-    new = replace(new, start={name: _start(interface, new, P, name) for name in interface.start})
+    new = replace(new, start={name: _start(interface, new, P, name) for name in interface.start
+                                if _is_of_heat(interface, name)})
     return Halved(interface, new, P, np.repeat(np.arange(len(quads) + len(triangles)), 4))
 
 
@@ -83,6 +84,12 @@ def _keys(cells: Ints, n: int) -> NDArray[np.int64]:
     """One number for each edge of each cell, from each corner to the next."""
     edges = np.stack([cells, np.roll(cells, -1, axis=1)], axis=2).reshape(-1, 2)
     return np.asarray(np.sort(edges, axis=1).astype(np.int64) @ (n, 1))
+
+
+def _is_of_heat(interface: Interface, name: str) -> bool:
+    """Whether the thermal half reads it: "T", and "t.BODY" and "T.BODY"; the rest is the memory of mechanics."""
+    kind, _, body = name.partition(".")
+    return name == "T" or (kind in ("t", "T") and body in interface.bodies)
 
 
 def _start(old: Interface, new: Interface, P: csr_matrix, name: str) -> Floats:
