@@ -34,7 +34,7 @@ class FlutterNotes:
             found.append(f"pair {name} opened and closed {TURNS} times in {t - turns[0]:.3g} s: its conductance jumps "
                          f"from {apart:.6g} to {touching:.6g} W/m2K when it touches; in touch it soon opens, and "
                          "apart it soon closes. Windows stay as short as that. With laws that join there is a state "
-                         "in between: `closed: {law: table, x: [0, P], h: "
+                         "in between: in place of a constant `closed`, `{law: table, x: [0, P], h: "
                          f"[{apart:.6g}, {touching:.6g}]}}` with P [Pa] small beside the pressures of the scene, such "
                          "as 1e5 between metals")
         return tuple(found)

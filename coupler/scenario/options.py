@@ -61,8 +61,8 @@ def _all_have_defaults(schema: dict[str, Any]) -> None:
 class Tolerance(Part):
     """atol, in the unit of its quantity, is the floor where nothing changes; rtol is a share of the change.
 
-    The default of atol here is that of a scene of 0.1 m at 330 K; where a file states none, a run takes that of its
-    own scene (coupler.scenario.scales).
+    The default of atol here is for who has no scene; where a file states none, a run takes that of its own scene
+    (coupler.scenario.scales).
 
     Measured against the change in the window, the errors of all windows add up to at most rtol of the way the
     quantity went, whatever the size of the windows.
@@ -90,8 +90,7 @@ class _ByQuantity(Part):
 class Tolerances(_ByQuantity):
     """A difference passes if it is at most atol + rtol times the largest change over the window."""
 
-    # T [K], x [m], t_N [Pa], f_s [1].  Conductance h sees a gap of 1 nm as 1e-4 of a gas layer of 10 um, and 100 Pa as
-    # 1e-4 of 1 MPa: no floor is tighter than the others, and all are far above what the halves leave over.
+    # T [K], x [m], t_N [Pa], f_s [1].
     temperature: Annotated[Tolerance, Entry(
         "of the largest change over the window, so errors of all windows add up to at most 1e-4 of the way a "
         "quantity goes; `atol` > 0 is the floor at rest",
@@ -179,8 +178,7 @@ class ErrorTolerances(_ByQuantity):
     # it: the worst node is asked, and beside a front that freezes node by node it is off by the step of T between two
     # nodes however short the window, while gap and heat are a hundred times nearer.
     # gap [m] and displacement [m], scale their largest change in the window, or half the scale of the window before: so
-    # the errors of all windows add up to at most twice rtol of the way gone.  The floor of the gap is a hundredth of a
-    # gas layer of 10 um, below which no law of conductance changes by more than 1 %.
+    # the errors of all windows add up to at most twice rtol of the way gone.
     # heat [J], what crosses contact in the window, scale the same: 1 % of heat is what the best law is known to.
     # elastic_strain [1], of a body that remembers, its root mean square; scale its size, body by body: of stress that
     # relaxes half a per cent is left off in all, and a body of a hundredth of the stress of another is as right.  The

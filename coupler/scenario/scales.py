@@ -73,7 +73,7 @@ def scales_of(interface: Interface, models: Mapping[str, Mapping[str, Any]], end
     if high > low and not _makes_heat(models):
         T = min(T, OF_SPAN * (high - low))
     T = max(T, ROUND_OFF * highest)
-    gap = max(min(OF_LENGTH * length, OF_LAYER * _layer(thermal, length)), ROUND_OFF * length)
+    gap = min(OF_LENGTH * length, OF_LAYER * _layer(thermal, length))
     heat = min((OF_HEAT * T * C for C in _heat_capacities(interface, thermal)), default=NO_HEAT)
     pressure = min((OF_E * E for E in _moduli(models["mechanical"])), default=NO_PRESSURE)
     return Scales(T, OF_LENGTH * length, gap, heat, pressure, ROUND_OFF * highest, ROUND_OFF * length)
@@ -81,7 +81,7 @@ def scales_of(interface: Interface, models: Mapping[str, Mapping[str, Any]], end
 
 def scaled(options: CouplingOptions, scales: Scales, document: Document) -> CouplingOptions:
     """Return the options with every `atol` that the file does not state as the scene needs it."""
-    T, x, adaptive = scales.temperature, min(scales.gap, scales.displacement), options.adaptive
+    T, x, adaptive = scales.temperature, scales.gap, options.adaptive
     if adaptive is not None:
         window = _filled(adaptive.tolerance, {
             "temperature": (scales.temperature, scales.least_T), "gap": (scales.gap, scales.least_x),
@@ -129,6 +129,12 @@ def _filled(given: AnyTolerances, scales: Mapping[str, tuple[float, float]], doc
     return given.changed(**made)
 
 
+def _parts(model: Mapping[str, Any]) -> Iterator[tuple[str, Mapping[str, Any]]]:
+    """Each body and each of its regions, with the name of the body."""
+    for name, body in model.get("bodies", {}).items():
+        yield from ((name, part) for part in (body, *(body.get("regions") or {}).values()))
+
+
 def _length(interface: Interface) -> float:
     """The longest side of the box around any one body [m]; of a scene of single nodes, what they are apart."""
     x = start_coordinates(interface)
@@ -138,9 +144,8 @@ def _length(interface: Interface) -> float:
 
 def _temperatures(interface: Interface, thermal: Mapping[str, Any], end: float) -> tuple[float, float]:
     """The lowest and the highest temperature [K] that anything states, over the whole run."""
-    starts = [start_temperature(T0, interface, np.flatnonzero(interface.node_body == interface.bodies.index(name)))
-              for name, body in thermal["bodies"].items()
-              for T0 in (body["T0"], *(r["T0"] for r in (body.get("regions") or {}).values()))]
+    starts = [start_temperature(part["T0"], interface, np.flatnonzero(
+        interface.node_body == interface.bodies.index(body))) for body, part in _parts(thermal)]
     low, high = TemperatureData(thermal).between(0.0, end, interface.nodes, {})
     return min(low, *(float(T.min()) for T in starts)), max(high, *(float(T.max()) for T in starts))
 
@@ -148,8 +153,7 @@ def _temperatures(interface: Interface, thermal: Mapping[str, Any], end: float) 
 def _makes_heat(models: Mapping[str, Mapping[str, Any]]) -> bool:
     """Whether temperatures may leave what is stated of them: heat comes in by a flux, a source or from mechanics."""
     thermal, mechanical = models["thermal"], models["mechanical"]
-    parts = [part for body in thermal["bodies"].values() for part in (body, *(body.get("regions") or {}).values())]
-    return (any("flux" in b for b in thermal.get("boundary", ())) or any(part.get("Q_T") for part in parts)
+    return (any("flux" in b for b in thermal.get("boundary", ())) or any(part.get("Q_T") for _, part in _parts(thermal))
             or any(pair.get("friction") for pair in thermal.get("pairs", {}).values())
             or bool(mechanical.get("thermoelastic_heat") or mechanical.get("adiabatic"))
             or any("plastic" in m or "creep" in m for m in mechanical.get("materials", {}).values()))
@@ -184,11 +188,10 @@ def _heat_capacities(interface: Interface, thermal: Mapping[str, Any]) -> Iterat
 def _moduli(mechanical: Mapping[str, Any]) -> Iterator[float]:
     """Young's modulus of each material of a body [Pa], where it has one."""
     materials = mechanical.get("materials", {})
-    for body in mechanical.get("bodies", {}).values():
-        for part in (body, *(body.get("regions") or {}).values()):
-            E = materials.get(part.get("material"), {}).get("E")
-            if E is not None:
-                yield _largest(E)
+    for _, part in _parts(mechanical):
+        E = materials.get(part.get("material"), {}).get("E")
+        if E is not None:
+            yield _largest(E)
 
 
 def _largest(spec: Any) -> float:

@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from pathlib import Path
 from typing import Any
 
 import numpy as np
-from several_scenes import BLOCKS
+import pytest
+from several_scenes import BLOCKS, TWO, blocks, ran
 
 from contact.half.interface import Interface, Pair
 from coupler.scenario.mesh import Rectangle, rectangle_mesh
+from coupler.trust.checks import Check
 
 Floats = np.ndarray
 SIZES = {"low": ((0.3, -0.2), (1.0, 0.2)), "up": ((0.5, 0.0), (0.6, 0.4))}
@@ -82,6 +85,17 @@ def block_meshes(lower: tuple[int, int], middle: tuple[int, int], upper: tuple[i
     side = (0.02, 0.02)
     return {"lower": box((0, -0.021), side, lower), "middle": box((0, 0), side, middle),
             "upper": box((0.005, 0.022), side, upper)}
+
+
+DIVIDED = [pytest.param({"thermal.halves": TWO}, id="several halves"),
+           pytest.param({"thermal.meshes": block_meshes((3, 4), (4, 4), (5, 4))}, id="a mesh of its own")]
+SHORT = {"coupling.end": 24, "coupling.windows": [{"until": 24, "size": 4}], "output.checkpoint": 0}
+
+
+def trust_whole_and_divided(folder: Path, more: Mapping[str, Any]) -> list[tuple[Check, ...]]:
+    """The trust tables of a short run of the three blocks by one thermal half, and with such changes (DIVIDED)."""
+    file = blocks(folder)
+    return [ran(file, folder / f"{n}.h5", SHORT | changes).trust for n, changes in (("one", {}), ("other", more))]
 
 
 def as_bodies(meshes: Mapping[str, Any]) -> dict[str, Any]:

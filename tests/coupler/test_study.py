@@ -53,7 +53,8 @@ def test_windows_stay_in_their_range():
 def test_a_factor_is_on_what_the_other_axes_left():
     tolerance, = settings_of(document(), [{"tolerance": (10,), "coupling.adaptive": ({"first": 1.0, "tolerance": {
         "temperature": {"atol": 0.5}}},)}])
-    assert tolerance.sets["coupling.adaptive.tolerance.temperature"]["atol"] == 5.0
+    assert tolerance.sets["coupling.adaptive.tolerance.temperature"] == {"atol": 5.0, "rtol": 0.01}
+    assert tolerance.sets["coupling.adaptive.tolerance.gap"] == {"rtol": 0.1}, "atol goes with it"
     mesh, = settings_of(document(), [{"bodies.body.mesh.rectangle.cells": ([3, 2],), "mesh": (2,)}])
     assert mesh.sets["bodies.wall.mesh.rectangle.cells"] == [1, 1]
     doubled, = settings_of(document(), [{"mesh": (2,), "bodies.body.mesh.rectangle.cells": ([3, 2],)}])

@@ -8,8 +8,7 @@ from pathlib import Path
 import pytest
 
 sys.path.insert(0, str(Path(__file__).parent))
-from mesh_scenes import block_meshes
-from several_scenes import TWO, blocks, ran
+from mesh_scenes import DIVIDED, trust_whole_and_divided
 from untrusted_runs import trust_both_ways
 
 from coupler import load_scenario, run
@@ -36,7 +35,6 @@ mechanical: {{half: rigid, rigid: {{motion: {{plate: {{}}}}}}}}
 coupling: {{scheme: staggered, end: 4, windows: [{{until: 4, size: 1}}]}}
 output: {{checkpoint: 0}}
 """
-SHORT = {"coupling.end": 24, "coupling.windows": [{"until": 24, "size": 4}], "output.checkpoint": 0}
 
 
 def plate(folder, n):
@@ -81,12 +79,9 @@ def test_they_are_outputs_of_each_body(tmp_path):
         assert extremes.extreme_outputs(halves.mechanical.blocks) == []
 
 
-@pytest.mark.parametrize("more", [{"thermal.halves": TWO}, {"thermal.meshes": block_meshes((3, 4), (4, 4), (5, 4))}],
-                         ids=["several halves", "a mesh of its own"])
+@pytest.mark.parametrize("more", DIVIDED)
 def test_however_bodies_are_divided_it_is_told(tmp_path, more):
-    file = blocks(tmp_path)
-    one, other = (check_of(ran(file, tmp_path / f"{n}.h5", SHORT | changes).trust) for n, changes in (
-        ("one", {}), ("other", more)))
+    one, other = map(check_of, trust_whole_and_divided(tmp_path, more))
     # Another half is held as it is while one solves with smaller cells.
     assert other.number == pytest.approx(one.number, rel=0.3)
     assert other.number > 1e-4

@@ -8,8 +8,7 @@ from pathlib import Path
 import pytest
 
 sys.path.insert(0, str(Path(__file__).parent))
-from mesh_scenes import block_meshes
-from several_scenes import TWO, blocks, ran
+from mesh_scenes import DIVIDED, trust_whole_and_divided
 from untrusted_runs import trust_both_ways
 
 from coupler import load_scenario, run
@@ -34,7 +33,6 @@ coupling: {{scheme: staggered, end: {end}, windows: [{{until: {end}, size: {size
 output: {{checkpoint: 0}}
 """
 SHOCK, FILM = "temperature: 800", "convection: {h: 40, T: 800}"
-SHORT = {"coupling.end": 24, "coupling.windows": [{"until": 24, "size": 4}], "output.checkpoint": 0}
 
 
 def scene(folder, cells="[10, 2]", how=SHOCK, end=2, size=1):
@@ -87,12 +85,9 @@ def test_it_is_an_output_of_each_body(tmp_path):
         assert heat_mesh.heat_mesh_outputs(halves.mechanical.blocks) == []
 
 
-@pytest.mark.parametrize("more", [{"thermal.halves": TWO}, {"thermal.meshes": block_meshes((3, 4), (4, 4), (5, 4))}],
-                         ids=["several halves", "a mesh of its own"])
+@pytest.mark.parametrize("more", DIVIDED)
 def test_however_bodies_are_divided_it_is_told(tmp_path, more):
-    file = blocks(tmp_path)
-    one, other = (check_of(ran(file, tmp_path / f"{n}.h5", SHORT | changes).trust) for n, changes in (
-        ("one", {}), ("other", more)))
+    one, other = map(check_of, trust_whole_and_divided(tmp_path, more))
     assert other.number == pytest.approx(one.number, rel=1e-6)
     assert other.number > 5e-4
 

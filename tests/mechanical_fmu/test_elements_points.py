@@ -71,7 +71,9 @@ def general_loop(cells, m, u):
 
     out = Out(np.zeros_like(u), np.empty((len(cells.nodes), 8, 8)), np.empty((len(cells.nodes), 0)),
               np.empty(len(cells.nodes)), np.empty((0, 0, 0)), np.empty((0, 0, 0)))
-    law = CellMaterials(0, False, True, m.mu, m.kappa, m.e_th, m.p, m.tables, 1.0)
+    # Of each point: a compiled loop does not look where an array ends.
+    e_th = np.repeat(m.e_th, cells.weight.shape[1], axis=1)
+    law = CellMaterials(0, False, True, m.mu, m.kappa, e_th, m.p, m.tables, 1.0)
     assert cell_points(cells.shape, law, u, np.empty((len(cells.nodes), 0)), out) == (-1, 0)
     return out
 

@@ -98,12 +98,12 @@ class Restating:
         names = [*type(part).model_fields, *(part.__pydantic_extra__ or {})]
         if isinstance(part, ErrorTolerances | Tolerances):
             # What a file does not state of a tolerance is of the scene: written out, it would be a number.
-            usual = type(part)()
-            made = {name: self.part(getattr(part, name), self.entry(part, name, entry)) for name in names}
-            plain = {name: {key: value for key, value in of.items()
-                            if getattr(getattr(part, name), key) != getattr(getattr(usual, name), key)}
-                     for name, of in made.items()}
-            return {name: of for name, of in plain.items() if of}
+            for name, (_, usual) in zip(names, type(part)(), strict=True):
+                own = getattr(part, name)
+                stated = {key: value for key, value in self.part(own, self.entry(part, name, entry)).items()
+                          if getattr(own, key) != getattr(usual, key)}
+                made.update({name: stated} if stated else {})
+            return made
         for name in names:
             value = getattr(part, name)
             field = type(part).model_fields.get(name)

@@ -51,11 +51,13 @@ def test_sets_and_starts_reach_between_nodes() -> None:
     x, y = old.nodes.T
     own, b = y < 1e-9, old.node_body == 1
     old = replace(old, node_sets={"line": np.flatnonzero(own).astype(np.int32), "one": np.array([7], np.int32)},
-                  start={"T": 3.0 * x, "t.b": np.array([0.0, 1.0]), "T.b": np.array([x[b], 2.0 * x[b]])})
+                  start={"T": 3.0 * x, "t.b": np.array([0.0, 1.0]), "T.b": np.array([x[b], 2.0 * x[b]]),
+                         "u": np.zeros((len(x), 2)), "plastic.cells": np.zeros(3)})
     fine = halved(old).interface
     x, y = fine.nodes.T
     assert set(fine.node_sets["line"]) == set(np.flatnonzero(y < 1e-9))
     assert list(fine.node_sets["one"]) == [7]
+    assert set(fine.start) == {"T", "t.b", "T.b"}, "heat reads no more of another run"
     b = fine.node_body == 1
     assert fine.start["T"] == pytest.approx(3.0 * x)
     assert fine.start["T.b"] == pytest.approx(np.array([x[b], 2.0 * x[b]]))
