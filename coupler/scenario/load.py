@@ -35,6 +35,7 @@ from coupler.scenario.mesh import mesh_path
 from coupler.scenario.notes import contact_notes, mean_T0, scaled_temperatures, sign_notes, thermal_notes
 from coupler.scenario.own_mesh import OwnMesh, own_mesh_of
 from coupler.scenario.plausible import unlikely, unlikely_text
+from coupler.scenario.plausible_loads import unlikely_loads
 from coupler.scenario.probes import Probe, probes_of
 from coupler.scenario.problems import problem_of
 from coupler.scenario.quantities import with_overrides, with_plain_numbers
@@ -133,6 +134,7 @@ class Scenario:
                              "docs/write_a_half.md): what it leaves out nobody can tell")
         if self.stated is not None:
             found += unlikely(self.stated, self.interface, self.units)
+            found += unlikely_loads(self.stated, self.units)
         found += lost_heat(self.models["mechanical"], self.coupling.scheme)
         thermal = self.models["thermal"]
         if self.temperature_unit != "K":

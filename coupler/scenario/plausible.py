@@ -57,6 +57,7 @@ USUAL = {
 }
 SOLID_RHO = 12.0  # kg/m3; a solid is no lighter
 DENSE, DENSE_E = 1500.0, 1e7  # kg/m3, Pa: what is denser than foams, gels and rubbers is stiffer than they are, too
+STIFF, STIFF_K = 3e10, 0.45  # Pa, W/mK: what is dense and so stiff (metals, stone, ceramics) conducts better than that
 LENGTH = Usual(1e-6, 10.0, "m", {"mm": 1e-3, "um": 1e-6})
 # Spacing of coordinates where a body is drawn, in lengths of its shortest edge.  Stiff bodies in contact find no
 # equilibrium to 1e-8 of their forces from about 5e-10 on (3 mm at 10 km); at 4e-11 they do as at the origin.
@@ -149,13 +150,22 @@ def _odd(material: Material) -> Iterator[tuple[str, float, Usual]]:
             usual = replace(usual, least=SOLID_RHO)
         # fault: 210000 meant in MPa is taken for the stiffness of a metal -> if False: |
         #   coupler/test_scenario_plausible
-        if key == "E" and any(min(values) > DENSE for values in _values(material, "rho") if values):
+        if key == "E" and _above(material, "rho", DENSE):
             usual = replace(usual, least=DENSE_E)
+        # fault: steel's 0.05 W/mmK is taken for the conductivity of an insulator -> if False: |
+        #   coupler/test_scenario_plausible
+        if key == "k" and _above(material, "rho", DENSE) and _above(material, "E", STIFF):
+            usual = replace(usual, least=STIFF_K)
         for values in _values(material, key):
             # A stray value of a table is a fit's; a unit moves all of them.
             if values and not any(usual.holds(v) for v in values):
                 yield key, max(values, key=abs), usual
                 break
+
+
+def _above(material: Material, key: str, least: float) -> bool:
+    """Whether a part of a property is above a bound everywhere."""
+    return any(min(values) > least for values in _values(material, key) if values)
 
 
 def _values(material: Material, key: str) -> Iterator[list[float]]:

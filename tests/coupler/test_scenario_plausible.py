@@ -45,6 +45,8 @@ def test_what_is_usual_is_not_told(tmp_path: Path) -> None:
     ({"E": 210000}, "material steel: E is 210000 Pa (in MPa it would be 2.1e+11)"),
     ({"E": 210000, "rho": 1100}, ""),  # a gel, a foam, a rubber
     ({"E": "2.0e7"}, ""),  # a soil
+    ({"k": 0.045}, "k is 0.045 W/mK (in W/mmK it would be 45)"),
+    ({"k": 0.2, "E": "3.0e9"}, ""),  # a filled resin
     ({"rho": 7.85}, "rho is 7.85 kg/m3 (in g/cm3 it would be 7850)"),
     ({"rho": "7.85e-9"}, "rho is 7.85e-09 kg/m3 (in t/mm3 it would be 7850)"),
     ({"c": 0.46}, "c is 0.46 J/kgK (in kJ/kgK it would be 460)"),
