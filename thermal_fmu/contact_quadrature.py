@@ -108,7 +108,7 @@ class ContactPoints:
     are integrated exactly; end_s, end_m : (n_p,) [m2] the same two of round surfaces, spread as on the side searched
     from, where the piece is apart, else `area`.  pair, slave_edge, master_edge : (n_p,) as registered.  from_master :
     (n_p,) True where a second pass searched the point from the master; None where none does.  Slave and master are
-    those of the pair all the same.
+    those of the pair all the same.  join [m] : gap within which what is apart still conducts as in touch, in part.
     """
 
     nodes: Ints
@@ -127,6 +127,14 @@ class ContactPoints:
     slave_edge: Ints
     master_edge: Ints
     from_master: NDArray[np.bool_] | None = None
+    join: float = 0.0
+
+    @property
+    def closed_share(self) -> Floats:
+        """(n_p,) of each point that conducts as in touch [1]: all under pressure, apart less the wider the gap."""
+        touching = (self.p > 0).astype(float)
+        # fault: conductance jumps where it was to be joined -> return touching | thermal_fmu/test_join
+        return np.maximum(touching, 1.0 - self.gap / self.join) if self.join > 0.0 else touching
 
     @property
     def searched_from(self) -> tuple[Ints, Floats]:
@@ -136,11 +144,13 @@ class ContactPoints:
         return self.searched, np.where(self.from_master[:, None], self.N_m, self.N_s)
 
 
-def contact_points(surfaces: ContactSurfaces, facing: Facing, t_N: Floats, x: Floats) -> ContactPoints:
+def contact_points(surfaces: ContactSurfaces, facing: Facing, t_N: Floats, x: Floats,
+                   join: float = 0.0) -> ContactPoints:
     """Give each contact quadrature point its pressure and its areas.
 
     t_N : (n_q,) nodal tractions [Pa] of the pairs, <= 0, linear along the edge searched from.  x : (n_nodes, 2) [m],
-    where facing was found.  A positive gap under pressure is read as no gap (touching means p_N > 0).
+    where facing was found.  join [m] : as ContactPoints has it.
+    A positive gap under pressure is read as no gap (touching means p_N > 0).
     """
     N_s, N_m = shape_functions(facing.xi_s), shape_functions(facing.xi_m)
     searched = surfaces.searched_nodes(facing)
@@ -158,7 +168,7 @@ def contact_points(surfaces: ContactSurfaces, facing: Facing, t_N: Floats, x: Fl
     mean, end_s, end_m = (np.where(apart, area, facing.area)
                           for area in gap_areas(surfaces.interface, surfaces.edges, facing, x))
     points = ContactPoints(nodes, searched, N_s, N_m, gap, p, facing.area, mean, facing.area, facing.area_m, end_s,
-                           end_m, facing.pair, facing.slave_edge, facing.master_edge)
+                           end_m, facing.pair, facing.slave_edge, facing.master_edge, join=join)
     # fault: a second pass exchanges the sides of its pair -> exchanged = None | thermal_fmu/test_thermal_friction
     exchanged = _from_master(surfaces, facing)
     return points if exchanged is None else _by_pair_sides(points, exchanged)

@@ -124,9 +124,11 @@ def conduction_groups(points: ContactPoints, pairs: Sequence[ThermalPair | None]
         if laws is None:
             continue
         for closed, law in ((True, laws.closed), (False, laws.open)):
-            at = np.flatnonzero((points.pair == pair) & ((points.p > 0) == closed))
+            share = points.closed_share if closed else 1.0 - points.closed_share
+            at = np.flatnonzero((points.pair == pair) & (share > 0.0))
             if law is not None and at.size:
                 argument, area = (points.p, points.area) if closed else (points.gap, points.open_area)
+                area = area * share
                 most = None if through_cells is None else \
                     STIFFEST * area[at] * through_cells.most[points.nodes[at]].max(axis=1)
                 group = ConductionGroup(pair, closed, law, argument[at], points.nodes[at], points.N_s[at],

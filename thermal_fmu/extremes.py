@@ -140,7 +140,8 @@ class HalvedScene:
         scene, P = self._scene, self._halved.P
         x, s = P @ end.x, P @ end.s
         points = None if end.facing is None else contact_points(
-            scene.surfaces, halved_facing(end.facing), self._halved.at_pair_nodes(end.t_N), x)
+            scene.surfaces, halved_facing(end.facing), self._halved.at_pair_nodes(end.t_N), x,
+            0.0 if end.points is None else end.points.join)
         substep = freeze(scene, scene.masses(P @ end.X), x, self._mechanical(end, x), points)
         if points is not None and end.points is not None and end.E.any():
             E = self._friction(end.points, points, end.E)

@@ -56,6 +56,8 @@ from thermal_fmu.volume import Coordinates, ThermalVolume, volume_materials
 
 Floats = NDArray[np.float64]
 
+JOIN = "contact.join"
+
 # Variables of every thermal half of this package, in one order
 
 def face_variables(interface: Interface, model: Model) -> tuple[Variable, ...]:
@@ -65,7 +67,9 @@ def face_variables(interface: Interface, model: Model) -> tuple[Variable, ...]:
     surface = (Variable("contact.t_N", (n_q,), "input", "Pa", 0.0,
                         description="normal traction at pair nodes, <= 0", on="pair_nodes"),
                Variable("contact.E_friction", (n_q,), "input", "J", 0.0,
-                        description="friction heat of the substep at pair nodes", on="pair_nodes")) if n_q else ()
+                        description="friction heat of the substep at pair nodes", on="pair_nodes"),
+               Variable(JOIN, (), "input", "m", 0.0,
+                        description="gap within which what is apart conducts in part as in touch")) if n_q else ()
     return (
         Variable("x", (n, 2), "input", "m", interface.nodes, description="coordinates, held in a substep", on="nodes"),
         *surface,
@@ -100,7 +104,13 @@ def contact_at(surfaces: ContactSurfaces, x: Floats, inputs: Values, link: Link)
     Raises ContactRefusedError.
     """
     facing = facing_at(surfaces, x, link)
-    return None if facing is None else contact_points(surfaces, facing, at_pairs("contact.t_N", inputs), x)
+    return None if facing is None else contact_points(surfaces, facing, at_pairs("contact.t_N", inputs), x,
+                                                      join_of(inputs))
+
+
+def join_of(inputs: Values) -> float:
+    """Return the gap [m] within which laws that jump at touch are joined."""
+    return max(float(np.asarray(inputs.get(JOIN, 0.0))), 0.0)
 
 
 def facing_at(surfaces: ContactSurfaces, x: Floats, link: Link) -> Facing | None:
@@ -306,7 +316,7 @@ class ThermalHalf:
         E_M = np.asarray(inputs["E_M"], dtype=np.float64)
         facing = facing_at(scene.surfaces, x, link)
         t_N, E_friction = (at_pairs(name, inputs) for name in ("contact.t_N", "contact.E_friction"))
-        points = None if facing is None else contact_points(scene.surfaces, facing, t_N, x)
+        points = None if facing is None else contact_points(scene.surfaces, facing, t_N, x, join_of(inputs))
         # fault: mass from the current volume -> substep = freeze(scene, scene.masses(x), x, E_M, points) |
         #   thermal_fmu/test_thermal_nonlinear
         substep = freeze(scene, self._masses_of(state.X), x, E_M, points)

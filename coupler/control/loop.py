@@ -12,7 +12,7 @@ from functools import partial
 import numpy as np
 from numpy.typing import NDArray
 
-from coupler.control import auto, error_estimate, events, spare, unannounced
+from coupler.control import auto, error_estimate, events, flutter, spare, unannounced
 from coupler.control.accept import Attempt, Decision, accept, rejected
 from coupler.control.error_estimate import Estimate
 from coupler.control.gain import Gain
@@ -221,11 +221,30 @@ def step(halves: Halves, at: Committed, plan: Plan) -> Tried:
                 after, looked = replace(follows.control, spare=memory), None
             if follows is not None:
                 verdict = replace(verdict, notes=(*verdict.notes, follows.text))
+    after = _joined(after, at.control, plan, halves, verdict.solved)
     state = solved.state if verdict.solved.taken else at.state
     return Tried(control.number, t0, span.end - t0, verdict.solved, time.perf_counter() - started,
-                 Committed(state, after), control, span, verdict.notes,
+                 Committed(state, after), control, span,
+                 (*verdict.notes, *after.flutter.notes[len(control.flutter.notes):]),
                  "; ".join(r for r in (reason, why) if r), verdict.error, verdict.event, verdict.fired,
                  looked, mended)
+
+
+def _joined(control: ControlState, before: ControlState, plan: Plan, halves: Halves, solved: Solved) -> ControlState:
+    """Control after a try: laws of pairs that flutter are joined from here on, as at an event.
+
+    before : control at its start.
+    """
+    t, joins = plan.schedule.clock.seconds(control.tick), flutter.JOIN in halves.thermal.blocks
+    memory, settings = control.flutter, control.settings
+    if solved.taken:
+        turned = flutter.turned_by(t, before.events.due, control.events.turned)
+        memory, settings = flutter.after(memory, settings, plan.torn, plan.names, turned, joins)
+    elif solved.verdict is Verdict.MAX_ITERATIONS:
+        memory, settings = flutter.stuck(memory, settings, plan.torn, t, joins)
+    if settings is not control.settings:
+        control = replace(control, settings=settings, event=control.tick)
+    return replace(control, flutter=memory)
 
 
 def _carried(at: Committed, plan: Plan, span: Span, solved: Solved) -> Estimate | None:

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from coupler.control.body_strain import NO_CELLS, BodyCells
 from coupler.control.contact_status import Branch, ContactState, ContactStatus, PairNodes, contact_status, side
+from coupler.control.flutter import NOT_TORN, Torn
 from coupler.rules.engine import Memory, spent
 from coupler.rules.instant import has_instant, standing
 from coupler.scenario.options import Adaptive, Iteration, OnCycle, OnUnstable, Scheme
@@ -60,7 +61,7 @@ class Plan:
     steady_data : whether no datum and no rule changes with time what acts on the scene.
     steady_T : whether temperatures are those of a steady state at any time.
     mechanical : (n,) which of those the mechanical half makes; (0,): none.  cells : of each body, of the scene's mesh.
-    pairs : the pair nodes of each pair.
+    pairs : the pair nodes of each pair.  torn : those whose conductance jumps at touch.
     """
 
     schedule: Schedule
@@ -80,6 +81,7 @@ class Plan:
     pairs: tuple[NDArray[np.intp], ...] = ()
     steady_data: bool = False
     steady_T: bool = False
+    torn: Torn = NOT_TORN
 
     @property
     def settings(self) -> Settings:

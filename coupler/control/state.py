@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, field, replace
 
-from coupler.control import auto, error_estimate, events, quantities, spare, two_cycle, window_size
+from coupler.control import auto, error_estimate, events, flutter, quantities, spare, two_cycle, window_size
 from coupler.control.error_estimate import Estimate
 from coupler.control.plan import Plan
 from coupler.control.two_cycle import home
@@ -63,6 +63,7 @@ class ControlState:
     rules: rules.Memory = field(default_factory=rules.Memory)
     events: events.Memory = field(default_factory=events.Memory)
     spare: spare.Memory = field(default_factory=spare.Memory)
+    flutter: flutter.Memory = field(default_factory=flutter.Memory)
 
 
 @dataclass(frozen=True)

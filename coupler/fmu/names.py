@@ -37,6 +37,7 @@ BLOCKS: Mapping[str, Face] = {
     "contact.slip": Face("", OUT, "m", 1),
     "contact.slip_path": Face("", OUT, "m", 1),
     "contact.E_friction": Face(IN, OUT, "J", 1),
+    "contact.join": Face(IN, "", "m", 0),
     "E_M": Face(IN, OUT, "J", 1),
     "E_S": Face(IN, OUT, "J", 1),
     "f_s": Face(OUT, IN, "1", 1),

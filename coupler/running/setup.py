@@ -13,6 +13,7 @@ from contact.half.start import start_coordinates
 from coupler.control.auto import chooses, schemes_under
 from coupler.control.body_strain import body_cells
 from coupler.control.contact_status import branches_of, pair_nodes_of, status_monitors
+from coupler.control.flutter import Torn
 from coupler.control.plan import Locate, Plan
 from coupler.errors import HalfError
 from coupler.fmu.bounds import scenario_border
@@ -21,7 +22,9 @@ from coupler.fmu.held import HeldHalf, check_scene
 from coupler.fmu.launch import Launched
 from coupler.rules.engine import schemes_of, unfit, wanted
 from coupler.scenario import Scenario
+from coupler.scenario.notes import mean_T0, torn_pairs
 from coupler.scenario.rule_model import outputs
+from coupler.scenario.scales import OF_LENGTH, length_of
 from coupler.scenario.timing import is_steady, varies
 from coupler.schemes.accounts import HEATS, EnergyAccount
 from coupler.schemes.levels import Level
@@ -182,4 +185,10 @@ def plan_of(scenario: Scenario) -> Plan:
     return Plan(schedule(c.end, c.windows, c.kinks, c.bends), c.scheme, c.substeps, c.iteration, c.adaptive, locate,
                 c.on_cycle, c.on_unstable, c.steady, scenario.rules, cells=body_cells(interface),
                 pairs=tuple(pair.nodes for pair in pair_nodes_of(interface) if not pair.tied),
-                steady_data=steady_data, steady_T=is_steady(scenario.models))
+                steady_data=steady_data, steady_T=is_steady(scenario.models), torn=_torn(scenario))
+
+
+def _torn(scenario: Scenario) -> Torn:
+    thermal, interface = scenario.models["thermal"], scenario.interface
+    return Torn(torn_pairs(thermal, interface.pairs, mean_T0(thermal, interface)),
+                OF_LENGTH * length_of(interface), scenario.coupling.end)

@@ -65,7 +65,7 @@ class Scales:
 def scales_of(interface: Interface, models: Mapping[str, Mapping[str, Any]], end: float) -> Scales:
     """Return the scales of a scene.  models : role -> model.json, SI and kelvin.  end [s]: of the run."""
     thermal = models["thermal"]
-    length = _length(interface)
+    length = length_of(interface)
     low, high = _temperatures(interface, thermal, end)
     highest = max(abs(low), abs(high)) or NO_T
     T = OF_T * highest
@@ -135,7 +135,7 @@ def _parts(model: Mapping[str, Any]) -> Iterator[tuple[str, Mapping[str, Any]]]:
         yield from ((name, part) for part in (body, *(body.get("regions") or {}).values()))
 
 
-def _length(interface: Interface) -> float:
+def length_of(interface: Interface) -> float:
     """The longest side of the box around any one body [m]; of a scene of single nodes, what they are apart."""
     x = start_coordinates(interface)
     longest = max(float(np.ptp(x[interface.node_body == k], axis=0).max()) for k in range(len(interface.bodies)))
