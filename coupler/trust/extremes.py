@@ -19,6 +19,9 @@ LIMITS = (0.05, 0.2)  # of the span of temperatures: noted, broken
 NAME = "cells fine enough for the hottest and coldest"
 # From one look to the next.
 WINDOWS, SPAN = 4, 2.0
+# What flows just after contact changed is taken by the half to have flown since the start.  So where less than this
+# share of the run so far lies between, the next look waits for so many times as many windows.
+SETTLED, WAITS = 0.1, 2
 
 
 @dataclass(frozen=True)
@@ -41,13 +44,20 @@ def extreme_outputs(blocks: Iterable[str]) -> list[str]:
     return sorted(n for n in blocks if n.startswith((HIGH_OFF, LOW_OFF)))
 
 
-def due(log: ExtremesLog, windows: int, span: float, at_end: bool) -> bool:
-    """Whether to look after so many windows, at a span of all temperatures so far [K].  at_end : the run is over."""
+def due(log: ExtremesLog, windows: int, span: float, at_end: bool, t: float = 1.0, event: float = 0.0) -> bool:
+    """Whether to look after so many windows, at t [s], at a span of all temperatures so far [K].
+
+    at_end : the run is over.  event [s] : when contact changed last; 0: never.
+    """
     if at_end:
         return True
-    # fault: what comes and goes between two looks is not seen -> return windows >= WINDOWS * max(log.windows, 1) |
+    # fault: bodies that touched a moment ago are told to be as wrong as what flows between them -> unsettled = False |
+    #   coupler/test_trust_extremes::test_it_waits_after_contact_changed
+    unsettled = t - event < SETTLED * t
+    many = WINDOWS * max(log.windows, 1) * (WAITS if unsettled else 1)
+    # fault: what comes and goes between two looks is not seen -> return windows >= many |
     #   coupler/test_trust_extremes::test_it_looks_when_temperatures_rise
-    return windows >= WINDOWS * max(log.windows, 1) or (log.looks > 0 and span > SPAN * log.span)
+    return windows >= many or (log.looks > 0 and span > SPAN * log.span)
 
 
 def watched(log: ExtremesLog, told: Mapping[str, float], windows: int, span: float, t: float) -> ExtremesLog:

@@ -189,9 +189,9 @@ class TrustWatch:
         return replace(log, mesh=mesh.watched(log.mesh, told, t),
                        heat_mesh=heat_mesh.watched(log.heat_mesh, of_heat, t))
 
-    def wants_extremes(self, log: TrustLog, at_end: bool) -> bool:
-        """Whether to ask the thermal half for what its mesh does to extremes.  at_end : the run is over."""
-        return extremes.due(log.extremes, log.windows, log.temperatures.own_span, at_end)
+    def wants_extremes(self, log: TrustLog, at_end: bool, t: float, event: float) -> bool:
+        """Whether to ask the thermal half for what its mesh does to extremes.  The rest is as of `extremes.due`."""
+        return extremes.due(log.extremes, log.windows, log.temperatures.own_span, at_end, t, event)
 
     def with_extremes(self, log: TrustLog, told: Mapping[str, float], t: float) -> TrustLog:
         """Return the log after the thermal half told at t [s] how far its extremes are off [K], by name."""

@@ -97,6 +97,16 @@ def test_it_looks_when_temperatures_rise():
     assert looked == [4, 16, 64, 100, 200]
 
 
+def test_it_waits_after_contact_changed():
+    log = extremes.watched(ExtremesLog(), {"mesh.T_high_off.a": 1.0}, 16, 10.0, 16.0)
+    assert extremes.due(log, 64, 10.0, False, t=100.0, event=80.0)
+    assert not extremes.due(log, 64, 10.0, False, t=100.0, event=95.0)
+    # A run in which it changes all the time is looked at all the same.
+    assert extremes.due(log, 128, 10.0, False, t=100.0, event=99.9)
+    assert extremes.due(log, 17, 30.0, False, t=100.0, event=99.9)
+    assert extremes.due(log, 17, 10.0, True, t=100.0, event=99.9)
+
+
 def test_the_largest_of_all_looks_counts():
     assert extremes.checks(ExtremesLog(), 1.0) == ()
     log = extremes.watched(ExtremesLog(), {"mesh.T_high_off.a": -1.0, "mesh.T_low_off.a": -1.0}, 1, 1.0, 1.0)
