@@ -172,7 +172,7 @@ def point(scenario: Scenario, reference: Curves) -> Point | None:
 
 
 def off(probe: tuple[Array, Array], reference: tuple[Array, Array]) -> float:
-    """Left out are gaps that nothing faces, and times within the first window of the reference: there may be a jump."""
+    """Left out are gaps that nothing faces, and times within windows of the reference in which something may jump."""
     t, values = probe
     apart = np.abs(values - np.interp(t, *reference))[(t == 0.0) | (t >= reference[0][1])]
     return float(np.nanmax(apart) / (np.nanmax(reference[1]) - np.nanmin(reference[1])))
@@ -186,8 +186,19 @@ def curves(results: Results, case: Case) -> Curves:
 
 def reference_curves(case: Case) -> tuple[Curves, float]:
     """The reference, and how far one in windows twice as long is off."""
-    coarse, fine = (curves(solved(reference_of(case, shorter))[0], case) for shorter in (0.5, 1.0))
-    return fine, max(off(coarse[n], fine[n]) for n in fine)
+    coarse, fine = (solved(reference_of(case, shorter))[0] for shorter in (0.5, 1.0))
+    known = {n: broken(curve, fine) for n, curve in curves(fine, case).items()}
+    return known, max(off(curve, known[n]) for n, curve in curves(coarse, case).items())
+
+
+def broken(curve: tuple[Array, Array], results: Results) -> tuple[Array, Array]:
+    """The curve with nothing in the window after each event of contact: a pressure may jump there, and where in it."""
+    t, values = curve
+    starts = [i + 1 for i in results.events if i + 2 < t.size]  # window i ends at t[i + 1]
+    ends = [(t[i] + part * (t[i + 1] - t[i]), math.nan) for i in starts for part in (1e-9, 1.0 - 1e-9)]
+    times, gone = np.array(ends).reshape(-1, 2).T
+    order = np.argsort(np.concatenate([t, times]), kind="stable")
+    return np.concatenate([t, times])[order], np.concatenate([values, gone])[order]
 
 
 def tell(text: str) -> None:
