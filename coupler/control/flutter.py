@@ -8,26 +8,40 @@ gap below all that the scene resolves: the share of it that conducts is then fou
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
+import numpy as np
+from numpy.typing import NDArray
+
+from coupler.schemes.levels import Level
 from coupler.schemes.state import Settings
 
 JOIN = "contact.join"  # of the thermal half: the gap [m]
 # A pair that turned so many times within this share of the run gets nowhere.
 TURNS, SHARE = 4, 1e-3
+# Where events are not looked for nobody sees turns.  A pair nearer than so many times the gap over which laws are
+# joined turns in a window that was halved so often and whose iterates still do not agree.
+NEAR, HALVED = 100.0, 2
 
 
 @dataclass(frozen=True)
 class Torn:
     """pairs : name -> its conductance apart and in touch [W/m2K], of those where they differ.
 
-    gap [m] : over which they are joined.  end : of the run [s].
+    gap [m] : over which they are joined.  end : of the run [s].  nodes : name -> the pair nodes, (m,) each.
     """
 
     pairs: Mapping[str, tuple[float, float]] = field(default_factory=dict)
     gap: float = 0.0
     end: float = 0.0
+    nodes: Mapping[str, NDArray[np.intp]] = field(default_factory=dict)
+
+    def near(self, level: Level) -> list[str]:
+        """Return the pairs that touch at a level, or all but do."""
+        gap = np.where(level.covered > 0.0, level.gap, np.inf)
+        return [name for name in self.pairs
+                if (level.t_N[self.nodes[name]] < 0.0).any() or (gap[self.nodes[name]] < NEAR * self.gap).any()]
 
 
 NOT_TORN = Torn()
@@ -70,15 +84,18 @@ def after(memory: Memory, settings: Settings, torn: Torn, names: tuple[str, ...]
     return _joined(replace(memory, turns=turns), settings, torn, fluttering, joins)
 
 
-def stuck(memory: Memory, settings: Settings, torn: Torn, t: float, joins: bool) -> tuple[Memory, Settings]:
+def stuck(memory: Memory, settings: Settings, torn: Torn, t: float, joins: bool,
+          near: Sequence[str] = ()) -> tuple[Memory, Settings]:
     """Return memory and settings after a window from t [s] whose iterates did not agree; the rest is as of `after`.
 
-    Where a pair turned a moment ago they are in touch and apart by turns.
+    Where a pair turned a moment ago they are in touch and apart by turns.  near : pairs taken for such.
     """
     # fault: iterates that open and close a pair by turns are taken as they are -> fluttering: list[str] = [] |
     #   coupler/test_flutter
     fluttering = [name for name, turns in memory.turns.items() if turns and t - turns[-1] <= SHARE * torn.end]
-    return _joined(memory, settings, torn, fluttering, joins)
+    at_touch = {name: (t,) for name in near if name not in memory.turns}
+    memory = replace(memory, turns={**memory.turns, **at_touch})
+    return _joined(memory, settings, torn, [*fluttering, *at_touch], joins)
 
 
 def _joined(memory: Memory, settings: Settings, torn: Torn, fluttering: list[str],

@@ -70,6 +70,14 @@ def test_a_pair_that_flutters_at_a_law_that_jumps_comes_to_rest(rested: tuple[Pa
     assert tip(results) == pytest.approx(tip(other), abs=0.3)
 
 
+def test_in_listed_windows_too_it_comes_to_rest(rested: tuple[Path, Results], tmp_path: Path) -> None:
+    """Where nobody looks for events: iterates that do not agree as the rod is about to touch say it."""
+    listed = {"coupling.scheme": "iterated", "coupling.windows": [{"until": 600, "size": 5}]}
+    results = run(load_scenario(scene(tmp_path), listed), tmp_path / "run.h5")
+    assert sum("without end" in note for note in results.notes) == 1
+    assert tip(results) == pytest.approx(tip(rested[1]), abs=0.05)
+
+
 @pytest.mark.slow
 def test_a_pair_that_cools_twenty_times_as_fast_comes_to_rest(tmp_path: Path) -> None:
     with Run(load_scenario(scene(tmp_path, closed={"law": "constant", "h": 1.0e5})), tmp_path / "run.h5") as r:
