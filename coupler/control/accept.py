@@ -342,12 +342,18 @@ def _as_planned(attempt: Attempt, error: Estimate | None) -> float:
 
 
 def _is_slow(attempt: Attempt) -> bool:
-    """Whether hardly anything changed, and no kink lies ahead that could change that."""
+    """Whether hardly anything changed, and no kink lies ahead that could change that.
+
+    What melts or freezes takes up heat at one temperature: its solid fraction counts as what that heat would warm it.
+    """
     plan = attempt.plan
     # fault: a run stops as steady before a kink -> if plan.steady == 0.0 or plan.last < 0: | coupler/test_control
     if plan.steady == 0.0 or plan.must_end(attempt.span.k0) != plan.last:
         return False
-    change = float(np.abs(attempt.solved.state.now.T - attempt.at.state.now.T).max())
+    now, before = attempt.solved.state.now, attempt.at.state.now
+    change = float(np.abs(now.T - before.T).max())
+    if now.f_s is not None and before.f_s is not None:
+        change = max(change, plan.latent * float(np.abs(now.f_s - before.f_s).max(initial=0.0)))
     return change < plan.steady * attempt.H
 
 

@@ -59,6 +59,7 @@ class Plan:
     steady : stop once max |dT/dt| stays below this [K/s]; 0: never.  probed : a level -> the values of the probes.
     watched : a level, at which the halves are -> (n,) in SI of what errors are estimated; (0,): of nothing.
     steady_data : whether no datum and no rule changes with time what acts on the scene.
+    latent : the largest latent heat over heat capacity [K]; 0: nothing melts.
     steady_T : whether temperatures are those of a steady state at any time.
     mechanical : (n,) which of those the mechanical half makes; (0,): none.  cells : of each body, of the scene's mesh.
     pairs : the pair nodes of each pair.  torn : those whose conductance jumps at touch.
@@ -82,6 +83,7 @@ class Plan:
     steady_data: bool = False
     steady_T: bool = False
     torn: Torn = NOT_TORN
+    latent: float = 0.0
 
     @property
     def settings(self) -> Settings:

@@ -24,7 +24,7 @@ from coupler.rules.engine import schemes_of, unfit, wanted
 from coupler.scenario import Scenario
 from coupler.scenario.notes import mean_T0, torn_pairs
 from coupler.scenario.rule_model import outputs
-from coupler.scenario.scales import OF_LENGTH, length_of
+from coupler.scenario.scales import OF_LENGTH, latent_span, length_of
 from coupler.scenario.timing import is_steady, varies
 from coupler.schemes.accounts import HEATS, EnergyAccount
 from coupler.schemes.levels import Level
@@ -185,7 +185,9 @@ def plan_of(scenario: Scenario) -> Plan:
     return Plan(schedule(c.end, c.windows, c.kinks, c.bends), c.scheme, c.substeps, c.iteration, c.adaptive, locate,
                 c.on_cycle, c.on_unstable, c.steady, scenario.rules, cells=body_cells(interface),
                 pairs=tuple(pair.nodes for pair in pair_nodes_of(interface) if not pair.tied),
-                steady_data=steady_data, steady_T=is_steady(scenario.models), torn=_torn(scenario))
+                steady_data=steady_data, steady_T=is_steady(scenario.models), torn=_torn(scenario),
+                # fault: what melts is steady while it melts -> latent=0.0) | coupler/test_stop_steady
+                latent=latent_span(scenario.models["thermal"]))
 
 
 def _torn(scenario: Scenario) -> Torn:

@@ -78,11 +78,11 @@ class Events(Part):
 
 
 class StopSpec(Part):
-    """steady [K/s]: stop once the temperature of no node changes faster for two windows."""
+    """steady [K/s]: stop once the temperature of no node, latent heat counted, changes faster for two windows."""
 
     steady: Annotated[NotNegative | None, Entry(
         "the run ends, as completed, once no temperature has changed faster than this for two windows and no "
-        "breakpoint is left",
+        "breakpoint is left. What melts or freezes counts as warmed or cooled by its latent heat",
         unit="K/s",
         default="none")] = None
 

@@ -185,6 +185,19 @@ def _heat_capacities(interface: Interface, thermal: Mapping[str, Any]) -> Iterat
             yield volume * material["rho"] * _largest(material["c"])
 
 
+def latent_span(thermal: Mapping[str, Any]) -> float:
+    """By how much the latent heat of a body would warm it [K], the largest of all; 0: nothing melts."""
+    materials = thermal.get("materials", {})
+    used = [materials.get(part.get("material"), {}) for _, part in _parts(thermal)]
+    return max((m["latent"]["L"] / _at_solidus(m["c"], m["latent"]) for m in used if m.get("latent")), default=0.0)
+
+
+def _at_solidus(c: Any, latent: Mapping[str, Any]) -> float:
+    """The heat capacity of the solid where it begins to melt [J/kgK]."""
+    solid = property_from(c["solid"] if isinstance(c, Mapping) and "solid" in c else c)
+    return float(solid(np.array([latent["T_m"] if latent.get("T_m") is not None else latent["T_s"]]))[0])
+
+
 def _moduli(mechanical: Mapping[str, Any]) -> Iterator[float]:
     """Young's modulus of each material of a body [Pa], where it has one."""
     materials = mechanical.get("materials", {})
