@@ -30,6 +30,7 @@ from thermal_fmu.contact_quadrature import ContactPoints, edge_slots, gauss_poin
 from thermal_fmu.edges import AddedConduction, Couplings
 from thermal_fmu.elsewhere import counted_of
 from thermal_fmu.exchange import ConductionGroup, RadiationGroup, ThroughCells, conduction_groups, radiation_groups
+from thermal_fmu.gap_pieces import parted
 from thermal_fmu.phase_change import Melting, NodalFields, PhaseChange, melting_of
 from thermal_fmu.problem import Flux, Model
 from thermal_fmu.program import ThermalProgram, surface_nodes
@@ -257,6 +258,8 @@ def freeze(scene: ThermalScene, masses: tuple[ReferenceCells, ...], x: Floats, E
     # fault: conduction on the reference -> shapes = scene.geometry_cache.of(volume, masses, scene.interface.nodes) |
     #   thermal_fmu/test_thermal_space
     shapes = scene.geometry_cache.of(volume, masses, x)
+    by_node = [pair.by_node for pair in scene.interface.pairs]
+    points = None if points is None else parted(points, model, by_node)
     geometry = SurfaceGeometry(x, volume.axisymmetric, scene.surfaces, points)
     return SubstepData(
         model.stated.sigma_SB, shapes, masses, _mechanical(volume, shapes, E_M),
@@ -271,7 +274,7 @@ def freeze(scene: ThermalScene, masses: tuple[ReferenceCells, ...], x: Floats, E
         tuple(freeze_radiator(radiator, slots, geometry)
               for radiator, slots in zip(model.radiators, scene.radiator_slots, strict=True)),
         () if points is None else conduction_groups(
-            points, model.pairs, scene.through_cells, [pair.by_node for pair in scene.interface.pairs]),
+            points, model.pairs, scene.through_cells, by_node),
         () if points is None else radiation_groups(points, model.pairs),
         touching(points, model.solved),
         solved=model.solved if model.elsewhere.size else None,

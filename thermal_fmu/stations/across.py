@@ -26,6 +26,7 @@ from contact.half.outlines import outline_of
 from thermal_fmu.cells import cell_mesh, shapes_of
 from thermal_fmu.contact_quadrature import ContactPoints, gauss_points
 from thermal_fmu.exchange import conduction_groups, exchange_flow, gap_radiation_flow, radiation_groups
+from thermal_fmu.gap_pieces import parted
 from thermal_fmu.phase_change import NodalFields
 from thermal_fmu.sources import ThermalLoads
 from thermal_fmu.stations.scene import StationScene
@@ -204,7 +205,10 @@ def _through_edges(scene: StationScene, outlines: Outlines, state: SurfaceState)
     """(m,) [W] into the bodies through each edge of their outlines, prescribed temperatures apart."""
     model, loads, n = scene.model, state.loads, len(outlines.edges)
     T = state.at.T[scene.stations.of_node]
-    geometry = SurfaceGeometry(state.x, scene.interface.axisymmetric, scene.surfaces, state.points)
+    points = state.points
+    if points is not None:
+        points = parted(points, model, [pair.by_node for pair in scene.interface.pairs])
+    geometry = SurfaceGeometry(state.x, scene.interface.axisymmetric, scene.surfaces, points)
     out = np.zeros(n)
 
     def add(edges: NDArray[np.integer], heat: Floats) -> None:
@@ -212,8 +216,8 @@ def _through_edges(scene: StationScene, outlines: Outlines, state: SurfaceState)
             out[:] += np.bincount(outlines.places(edges), heat, n)
 
     for flux, q in zip(model.fluxes, loads.fluxes, strict=True):
-        points = gauss_points(flux.edges, state.x, scene.interface.axisymmetric)
-        add(flux.edges[points.edge], float(np.sum(q)) * points.area)
+        places = gauss_points(flux.edges, state.x, scene.interface.axisymmetric)
+        add(flux.edges[places.edge], float(np.sum(q)) * places.area)
     for film, level in zip(model.films, loads.films, strict=True):
         frozen = freeze_film(film, np.zeros((len(film.where.edges), 2), dtype=np.int64), geometry)
         add(frozen.points.edges, -_of_points(frozen.points, film_flow(frozen, level.h, level.Te, T)[0]))
@@ -221,12 +225,12 @@ def _through_edges(scene: StationScene, outlines: Outlines, state: SurfaceState)
         glow = freeze_radiator(radiator, np.zeros((len(radiator.where.edges), 2), dtype=np.int64), geometry)
         heat = surroundings_radiation_flow(glow, model.stated.sigma_SB, around.factor, around.T_inf, T)[0]
         add(glow.points.edges, -_of_points(glow.points, heat))
-    if state.points is None:
+    if points is None:
         return out
     crossing = [(group.nodes, exchange_flow(group, loads.pairs[group.pair].of(group.closed), T)[0])
-                for group in conduction_groups(state.points, model.pairs)]
+                for group in conduction_groups(points, model.pairs)]
     crossing += [(group.nodes, gap_radiation_flow(group, model.stated.sigma_SB, T)[0])
-                 for group in radiation_groups(state.points, model.pairs)]
+                 for group in radiation_groups(points, model.pairs)]
     crossing += _rubbed(scene, state)
     for nodes, leaves in crossing:
         for side in (slice(0, 2), slice(2, 4)):

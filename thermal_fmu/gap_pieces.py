@@ -1,0 +1,209 @@
+"""Pieces of contact whose gap changes so much along them that two points do not tell what crosses.
+
+What crosses a gap goes as 1/(layer + gap), or fades between two gaps.  Where a gap opens from a hinge, most crosses in
+a small part of the first edge, between its two Gauss points.  Such a piece is cut in parts with two points each: ever
+smaller ones towards its narrow end, and where a law kinks.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import fields, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from contact.laws import Law, gap_factor, open_conductance
+from contact.quadrature import GAUSS
+from thermal_fmu.contact_quadrature import ContactPoints
+from thermal_fmu.problem import Exposed, Model, ThermalPair
+
+Floats = NDArray[np.float64]
+Rows = NDArray[np.intp]
+
+# Parts are halved towards the narrow end this often at most: a layer of 1e-3 of how far a gap opens along an edge is
+# integrated to 1e-4 with 11.
+MOST_HALVED = 16
+# What the parts of a piece may miss of what crosses it.
+MISSED = 1e-4
+# An area less negative than this, of that at the other end, is none.
+NONE_AT_AXIS = 3e-3
+T_LAW = 300.0  # [K] a law over temperature does not change along a piece for its gap
+POINTS = np.array([0.5 - GAUSS, 0.5 + GAUSS])
+
+
+def parted(points: ContactPoints, model: Model, by_node: Sequence[bool]) -> ContactPoints:
+    """Return the points with those pieces in parts where that tells more of what crosses, the others as they are.
+
+    by_node : of each pair, whether it has one point a node; it stays so.  Parts keep what a piece covers of either side
+    and each of its shape functions.
+    """
+    fades = [where.ends for where in (*(f.where for f in model.films), *(r.where for r in model.radiators))
+             if isinstance(where, Exposed) and where.ends is not None]
+    cut: list[tuple[Rows, Floats]] = []
+    for pair, laws in enumerate(model.pairs):
+        if by_node[pair]:
+            continue
+        told = _told(laws, fades)
+        if told:
+            # fault: what crosses a gap that opens is told by two points an edge -> pass |
+            #   thermal_fmu/test_gap_pieces
+            cut += _cuts(points, pair, told)
+    if not cut:
+        return points
+    rows = np.concatenate([rows for rows, _ in cut])
+    kept = np.ones(points.gap.size, dtype=np.bool_)
+    kept[rows] = kept[rows + 1] = False
+    return _joined(points, np.flatnonzero(kept), [_Parts.of(*part) for part in cut])
+
+
+# What crosses a gap
+
+Told = tuple[Callable[[Floats], Floats], tuple[float, ...]]
+
+
+def _told(laws: ThermalPair | None, fades: Sequence[tuple[float, float]]) -> list[Told]:
+    """Return what of a pair depends on its gaps: functions of the gap [m], each with the gaps at which it kinks."""
+    told: list[Told] = [(_fading(*ends), ends) for ends in fades]
+    if laws is None:
+        return told
+    conduction, radiation = laws.stated.conduction, laws.stated.radiation
+    if conduction is not None and conduction.open is not None:
+        told.append((_conducting(conduction.open), tuple(_kinks(conduction.open))))
+    if radiation is not None and radiation.gap is not None:
+        told.append((_fading(*radiation.gap.ends), radiation.gap.ends))
+    return told
+
+
+def _fading(near: float, far: float) -> Callable[[Floats], Floats]:
+    return lambda gap: gap_factor(gap, near, far)
+
+
+def _conducting(law: Law) -> Callable[[Floats], Floats]:
+    return lambda gap: open_conductance(law, gap, T_LAW)[0]
+
+
+def _kinks(law: Law) -> list[float]:
+    """Return the gaps [m] at which a law is bent."""
+    if law.law == "sum":
+        return [gap for part in law.of for gap in _kinks(part)]  # type: ignore[attr-defined]
+    return list(law.x) if law.law == "table" and law.variable == "x" else []  # type: ignore[attr-defined]
+
+
+# Parts of a piece
+
+def _cuts(points: ContactPoints, pair: int, told: Sequence[Told]) -> list[tuple[Rows, Floats]]:
+    """Return rows : (n,) of the first point of pieces to be cut, with (n, k) where [1] from the first point's end on.
+    """
+    first = np.arange(0, points.gap.size, 2)
+    a, b = points.gap[first], points.gap[first + 1]
+    apart = (points.pair[first] == pair) & (points.p[first] == 0.0) & (points.p[first + 1] == 0.0) & (a != b)
+    first = first[apart]
+    if not first.size:
+        return []
+    ends = _at(points.gap[first], points.gap[first + 1], np.array([[0.0, 1.0]]))
+    # A gap that goes on to less than none where both points are apart is not straight.
+    straight = (ends >= -1e-3 * np.abs(ends).max(axis=1, keepdims=True)).all(axis=1)
+    first, ends = first[straight], np.maximum(ends[straight], 0.0)
+    # fault: pieces are not cut where laws kink -> kinks = np.empty(0) | thermal_fmu/test_gap_pieces
+    kinks = np.array(sorted({gap for _, bent in told for gap in bent}))
+    where = np.clip((kinks - ends[:, :1]) / (ends[:, 1:] - ends[:, :1]), 0.0, 1.0)
+    # Halves, and parts between kinks, tell whether it is worth while; so most pieces cost little.
+    needed = _spread(points, first)
+    needed &= np.any([_misses(of_gap, ends, np.broadcast_to([0.0, 1.0], ends.shape), _from_narrow(1, ends, where))
+                      for of_gap, _ in told], axis=0)
+    first, ends, where = first[needed], ends[needed], where[needed]
+    depth = np.zeros(first.size, dtype=np.intp)
+    right = _from_narrow(MOST_HALVED, ends, where)
+    for of_gap, _ in told:
+        for d in range(MOST_HALVED):
+            off = _misses(of_gap, ends, _from_narrow(d, ends, where), right)
+            if not off.any():
+                break
+            depth[off] = np.maximum(depth[off], d + 1)
+    return [(first[depth == d], _from_narrow(int(d), ends[depth == d], where[depth == d])) for d in np.unique(depth)]
+
+
+def _spread(points: ContactPoints, first: Rows) -> NDArray[np.bool_]:
+    """Whether the areas of both points of a piece are those of one that goes on to its ends: no negative ones there.
+
+    At the axis they are 0 there, but for what a slope of the other side makes of them.
+    """
+    whole = np.ones(first.size, dtype=np.bool_)
+    for name in ("area", "open_area", "area_s", "area_m", "end_s", "end_m"):
+        area = getattr(points, name)
+        at_ends = _at(area[first], area[first + 1], np.array([[0.0, 1.0]]))
+        whole &= (at_ends >= -NONE_AT_AXIS * np.abs(at_ends).max(axis=1, keepdims=True)).all(axis=1)
+    return whole & (points.area[first] > 0.0) & (points.area[first + 1] > 0.0)
+
+
+def _from_narrow(halved: int, ends: Floats, kinks: Floats) -> Floats:
+    """Return (n, k) increasing places from 0 to 1 between which parts lie, halved so often towards the narrow end.
+
+    ends : (n, 2) gaps [m].  kinks : (n, m) places of kinks in [0, 1].
+    """
+    from_zero = np.concatenate([[0.0], 0.5 ** np.arange(halved, -1, -1)])
+    narrow = ends[:, :1] <= ends[:, 1:]
+    return np.sort(np.concatenate([np.where(narrow, from_zero, 1.0 - from_zero), kinks], axis=1), axis=1)
+
+
+def _misses(of_gap: Callable[[Floats], Floats], ends: Floats, places: Floats, finer: Floats) -> NDArray[np.bool_]:
+    """Whether parts at places : (n, k) miss too much of what finer ones tell."""
+    right = _crosses(of_gap, ends, finer)
+    return np.asarray(np.abs(_crosses(of_gap, ends, places) - right) > MISSED * np.abs(right))
+
+
+def _crosses(of_gap: Callable[[Floats], Floats], ends: Floats, places: Floats) -> Floats:
+    """Return (n,) the mean over each piece of what depends on its gap, by two points in each part."""
+    size = np.diff(places)
+    at = places[:, :-1, None] + size[:, :, None] * POINTS
+    gap = ends[:, :1, None] + at * (ends[:, 1:] - ends[:, :1])[:, :, None]
+    told = of_gap(gap.ravel()).reshape(gap.shape)
+    return np.asarray(0.5 * (size[:, :, None] * told).sum(axis=(1, 2)))
+
+
+def _at(first: Floats, second: Floats, places: Floats) -> Floats:
+    """Return (n, k) at places : (1 or n, k) what is linear along pieces, (n,) at their two points."""
+    return np.asarray(first[:, None] + (places - POINTS[0]) / (2.0 * GAUSS) * (second - first)[:, None])
+
+
+class _Parts:
+    """The points of the parts of some pieces: first row : (m,) of the piece of each, place on it : (m,), share of the
+    areas that are read there : (m,) [1].
+    """
+
+    def __init__(self, first: Rows, place: Floats, share: Floats) -> None:
+        self.first, self.place, self.share = first, place, share
+
+    @classmethod
+    def of(cls, first: Rows, places: Floats) -> _Parts:
+        """Those of pieces : (n,) cut at places : (n, k); parts without a length are none."""
+        size = np.diff(places)
+        at = (places[:, :-1, None] + size[:, :, None] * POINTS).ravel()
+        share = np.repeat(size.ravel(), 2)
+        row = np.repeat(first, 2 * size.shape[1])
+        return cls(row[share > 0.0], at[share > 0.0], share[share > 0.0])
+
+    def read(self, values: NDArray[Any], name: str) -> NDArray[Any]:
+        """Return a field of ContactPoints at the points of the parts."""
+        a = values[self.first]
+        if not np.issubdtype(values.dtype, np.floating):
+            return a
+        along = ((self.place - POINTS[0]) / (2.0 * GAUSS)).reshape(-1, *[1] * (values.ndim - 1))
+        found = np.asarray(a + along * (values[self.first + 1] - a))
+        if name.startswith(("area", "open_area", "end")):
+            # fault: parts have the areas of whole pieces -> return np.maximum(found, 0.0) |
+            #   thermal_fmu/test_gap_pieces
+            return np.maximum(found, 0.0) * self.share
+        return np.clip(found, 0.0, 1.0) if name.startswith("N_") else np.maximum(found, 0.0)
+
+
+def _joined(points: ContactPoints, kept: Rows, parts: Sequence[_Parts]) -> ContactPoints:
+    """Return the rows kept, then the points of the parts."""
+    made = {}
+    for name in (f.name for f in fields(points)):
+        values = getattr(points, name)
+        if values is not None:
+            made[name] = np.concatenate([values[kept], *(part.read(values, name) for part in parts)])
+    return replace(points, **made)
