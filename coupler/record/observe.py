@@ -44,11 +44,12 @@ OF_THE_EXCHANGE: Mapping[str, tuple[str, ...]] = {
 class ContactWarnings:
     """Contact that was lost, of a run whose mechanical half says which nodes face something (outputs).
 
-    Of any other run nothing is known.
+    Of any other run nothing is known.  crosses : as in ContactMonitor.
     """
 
-    def __init__(self, interface: Interface, outputs: Collection[str]) -> None:
-        self._watch = ContactMonitor(interface) if "contact.covered" in outputs and interface.pairs else None
+    def __init__(self, interface: Interface, outputs: Collection[str], crosses: Mapping[str, float]) -> None:
+        told = "contact.covered" in outputs and interface.pairs
+        self._watch = ContactMonitor(interface, crosses) if told else None
         self._seen = ContactLog()
         self._said: tuple[str, ...] = ()
 

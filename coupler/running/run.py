@@ -46,6 +46,7 @@ from coupler.running.setup import (
 )
 from coupler.running.standing import Standing
 from coupler.scenario import Scenario
+from coupler.scenario.notes import crossing_at_reach, mean_T0
 from coupler.scenario.timing import SAME_TIME
 from coupler.schemes.accounts import HEATS
 from coupler.schemes.ledger import Ledger
@@ -127,7 +128,9 @@ class Run:
             self._asked = launched.asked
             self.notes += without_checkpoints(both, self.scenario.output.checkpoint)
             self._snapshots = Snapshots(self.halves)
-            self._warnings = ContactWarnings(interface, self.halves.mechanical_outputs)
+            thermal = self.scenario.models["thermal"]
+            self._warnings = ContactWarnings(interface, self.halves.mechanical_outputs, crossing_at_reach(
+                thermal, interface.pairs, mean_T0(thermal, interface)))
             self._damping = DampingNotes()
             self.notes += seen.outputs.notes
             self._at = first(first_state(launched, self.halves, interface, self.scenario.coupling.end,

@@ -90,8 +90,9 @@ def contact(interface: Interface, move: Floats | None = None, pressed: bool = Fa
     return ContactSample(x, t_N, facing_at(interface, x).node_covered)
 
 
-def after(interface: Interface, *moves: Floats) -> tuple[ContactLog, list[str]]:
-    watch, seen, said = ContactMonitor(interface), ContactLog(), []
+def after(interface: Interface, *moves: Floats, crosses: dict[str, float] | None = None
+          ) -> tuple[ContactLog, list[str]]:
+    watch, seen, said = ContactMonitor(interface, crosses), ContactLog(), []
     for k, move in enumerate(moves):
         seen, notes = watch.after_window(seen, float(k + 1), contact(interface, pressed=True), contact(interface, move))
         said += notes
@@ -109,6 +110,21 @@ def test_pushed_deeper_than_the_search_looks_is_not_silent() -> None:
 
 def test_lifted_off_is_no_news() -> None:
     assert after(strips(), np.array([0.0, 0.2]), np.array([0.0, 0.8]))[1] == []
+
+
+def test_heat_that_ends_beyond_gap_max_is_told() -> None:
+    """Lifted within reach, beyond it, and slid off: only what goes beyond it leaves heat out."""
+    gap_max = strips().pairs[0].gap_max
+    up = np.array([0.0, 1.0])
+    for moves, told in (((0.2 * up, 0.9 * gap_max * up), False), ((0.2 * up, 1.5 * gap_max * up), True),
+                        ((np.array([0.6, 0.0]),), False)):
+        seen, said = after(strips(), *moves, crosses={"p": 45.0})
+        assert ("p" in seen.far) is told
+        assert any("than gap_max" in note for note in said) is told
+        if told:
+            assert said == [f"pair p: 5 nodes of upper.bottom went farther from lower.top than gap_max, {gap_max:.3g} "
+                            "m, the first by t = 2 s: no heat crosses there, though at that gap 45 W/m2K would. State "
+                            "a larger gap_max"]
 
 
 @pytest.mark.parametrize("sink", [0.0, 1e-3])

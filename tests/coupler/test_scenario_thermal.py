@@ -14,7 +14,7 @@ import pytest
 from contact.half.functions import field_from
 from contact.half.interface import Interface, Pair
 from coupler.errors import ScenarioError
-from coupler.scenario.notes import role_notes, thermal_notes
+from coupler.scenario.notes import crossing_at_reach, role_notes, thermal_notes
 
 sys.path.insert(0, str(Path(__file__).parent))
 from scenario_text import GOOD, error_of, line_of, load_text
@@ -377,3 +377,23 @@ def test_a_pair_that_lets_no_heat_pass_is_told() -> None:
     assert notes(400.0, {"face": {"conduction": {"closed": None, "open": None}}}) == [], "it is said that none crosses"
     assert notes(400.0, {"face": {}}, Pair("face", "a.top", "b.bottom", 0.1, 0.0, tied=True)) == []
     assert notes(400.0, {"face": {}}, Pair("face", "a.top", "a.bottom", 0.1, 0.0)) == []
+
+
+def test_what_crosses_at_gap_max_is_known_where_it_is_no_little_part() -> None:
+    """By gas, by radiation, by both; what fades before, or is next to nothing there, leaves no heat out."""
+    pair = Pair("face", "a.top", "b.bottom", 1e-3, 0.0)
+
+    def at_reach(**laws: Any) -> float | None:
+        return crossing_at_reach({"pairs": {"face": laws}}, [pair], 500.0).get("face")
+
+    def gas(g_m: float) -> dict[str, Any]:
+        return {"closed": None, "open": {"law": "gas", "k_g": 0.03, "g_m": g_m}}
+
+    near = {"emissivity_slave": 0.8, "emissivity_master": {"T": [400.0, 600.0], "value": [0.4, 0.6]}}
+    radiates = 4.0 * 5.670374419e-8 * 500.0**3 / (1.0 / 0.8 + 1.0 / 0.5 - 1.0)
+    assert at_reach(conduction=gas(1e-4)) == pytest.approx(0.03 / 1.1e-3)
+    assert at_reach(conduction=gas(1e-6)) is None, "0.1 % of what crosses in touch"
+    assert at_reach(radiation=near) == pytest.approx(radiates)
+    assert at_reach(radiation=near, conduction=gas(1e-4)) == pytest.approx(radiates + 0.03 / 1.1e-3)
+    assert at_reach(radiation=near | {"gap": {"d_near": 1e-4, "d_far": 1e-3}}) is None
+    assert at_reach() is None
