@@ -108,7 +108,8 @@ class ContactPoints:
     are integrated exactly; end_s, end_m : (n_p,) [m2] the same two of round surfaces, spread as on the side searched
     from, where the piece is apart, else `area`.  pair, slave_edge, master_edge : (n_p,) as registered.  from_master :
     (n_p,) True where a second pass searched the point from the master; None where none does.  Slave and master are
-    those of the pair all the same.  join [m] : gap within which what is apart still conducts as in touch, in part.
+    those of the pair all the same.  gap_at_end : (n_p,) [m] where the point's half of its piece ends, nan: not known.
+    join [m] : gap within which what is apart still conducts as in touch, in part.
     """
 
     nodes: Ints
@@ -127,6 +128,7 @@ class ContactPoints:
     slave_edge: Ints
     master_edge: Ints
     from_master: NDArray[np.bool_] | None = None
+    gap_at_end: Floats | None = None
     join: float = 0.0
 
     @property
@@ -168,10 +170,41 @@ def contact_points(surfaces: ContactSurfaces, facing: Facing, t_N: Floats, x: Fl
     mean, end_s, end_m = (np.where(apart, area, facing.area)
                           for area in gap_areas(surfaces.interface, surfaces.edges, facing, x))
     points = ContactPoints(nodes, searched, N_s, N_m, gap, p, facing.area, mean, facing.area, facing.area_m, end_s,
-                           end_m, facing.pair, facing.slave_edge, facing.master_edge, join=join)
+                           end_m, facing.pair, facing.slave_edge, facing.master_edge,
+                           gap_at_end=_gaps_at_ends(surfaces, facing), join=join)
     # fault: a second pass exchanges the sides of its pair -> exchanged = None | thermal_fmu/test_thermal_friction
     exchanged = _from_master(surfaces, facing)
     return points if exchanged is None else _by_pair_sides(points, exchanged)
+
+
+# From a Gauss point on to the end of its piece, of the way between both points.
+ON = 0.5 * (np.sqrt(3.0) - 1.0)
+AT_NODE = 1e-6  # of a slave edge: a piece that ends nearer to its node ends there
+NEAR_NODE = 0.25  # of a master edge: what lies along it at the end of a piece is known less well
+
+
+def _gaps_at_ends(surfaces: ContactSurfaces, facing: Facing) -> Floats:
+    """Return (n_p,) the gap [m] where the piece of each point ends on its side, which is at a node of slave or master.
+
+    nan where no such node is found, or what nodes face is not told.
+    """
+    out = np.full(facing.gap.size, np.nan)
+    of, passes = surfaces.pair_nodes, surfaces.message.passes
+    if facing.node_gap.size == 0:
+        return out
+    begin = np.zeros((len(surfaces.interface.pairs), len(surfaces.first)), dtype=np.int32)
+    begin[passes.pair, passes.master] = of.first[:, 1]
+    own = surfaces.searched_nodes(facing)
+    other = begin[facing.pair, surfaces.message.edge_surface[facing.master_edge]][:, None] + of.place[
+        facing.master_edge]
+    twin = np.arange(out.size) + 1 - 2 * (np.arange(out.size) % 2)
+    for nodes, xi, near in ((other, facing.xi_m, NEAR_NODE), (own, facing.xi_s, AT_NODE)):
+        end = xi + ON * (xi - xi[twin])
+        second = np.round(np.clip(end, 0.0, 1.0)).astype(np.intp)
+        there = np.abs(end - second) < near
+        gap = facing.node_gap[nodes[np.arange(out.size), second]]
+        out = np.where(there, gap, out)
+    return out
 
 
 def touching(points: ContactPoints | None, solved: NDArray[np.bool_]) -> int:

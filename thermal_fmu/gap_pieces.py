@@ -31,6 +31,13 @@ MISSED = 1e-4
 NONE_AT_AXIS = 3e-3
 T_LAW = 300.0  # [K] a law over temperature does not change along a piece for its gap
 POINTS = np.array([0.5 - GAUSS, 0.5 + GAUSS])
+NODES = np.array([0.0, *POINTS, 1.0])
+GRID = np.linspace(0.0, 1.0, 33)
+# A gap at the end of a piece that is farther than this from a straight one, of how much it changes between its points,
+# is that of something else, unless both ends are alike to this part.  Of a parabola both are, and about its end it is
+# 1/6.
+AS_ROUND = 0.5
+NO_NARROWER = 0.02
 
 
 def parted(points: ContactPoints, model: Model, by_node: Sequence[bool]) -> ContactPoints:
@@ -55,7 +62,7 @@ def parted(points: ContactPoints, model: Model, by_node: Sequence[bool]) -> Cont
     rows = np.concatenate([rows for rows, _ in cut])
     kept = np.ones(points.gap.size, dtype=np.bool_)
     kept[rows] = kept[rows + 1] = False
-    return _joined(points, np.flatnonzero(kept), [_Parts.of(*part) for part in cut])
+    return _joined(points, np.flatnonzero(kept), [_Parts.of(points, *part) for part in cut])
 
 
 # What crosses a gap
@@ -97,32 +104,84 @@ def _cuts(points: ContactPoints, pair: int, told: Sequence[Told]) -> list[tuple[
     """Return rows : (n,) of the first point of pieces to be cut, with (n, k) where [1] from the first point's end on.
     """
     first = np.arange(0, points.gap.size, 2)
-    a, b = points.gap[first], points.gap[first + 1]
-    apart = (points.pair[first] == pair) & (points.p[first] == 0.0) & (points.p[first + 1] == 0.0) & (a != b)
+    apart = (points.pair[first] == pair) & (points.p[first] == 0.0) & (points.p[first + 1] == 0.0)
     first = first[apart]
+    first = first[_spread(points, first)]
     if not first.size:
         return []
-    ends = _at(points.gap[first], points.gap[first + 1], np.array([[0.0, 1.0]]))
-    # A gap that goes on to less than none where both points are apart is not straight.
-    straight = (ends >= -1e-3 * np.abs(ends).max(axis=1, keepdims=True)).all(axis=1)
-    first, ends = first[straight], np.maximum(ends[straight], 0.0)
-    # fault: pieces are not cut where laws kink -> kinks = np.empty(0) | thermal_fmu/test_gap_pieces
-    kinks = np.array(sorted({gap for _, bent in told for gap in bent}))
-    where = np.clip((kinks - ends[:, :1]) / (ends[:, 1:] - ends[:, :1]), 0.0, 1.0)
+    gaps = _gaps(points, first)
+    kinks = _kinks_along(gaps, sorted({gap for _, bent in told for gap in bent}))
+    narrow = GRID[_along(gaps, GRID[None, :]).argmin(axis=1)]
     # Halves, and parts between kinks, tell whether it is worth while; so most pieces cost little.
-    needed = _spread(points, first)
-    needed &= np.any([_misses(of_gap, ends, np.broadcast_to([0.0, 1.0], ends.shape), _from_narrow(1, ends, where))
-                      for of_gap, _ in told], axis=0)
-    first, ends, where = first[needed], ends[needed], where[needed]
+    whole = np.broadcast_to([0.0, 1.0], (first.size, 2))
+    needed = np.zeros(first.size, dtype=np.bool_)
+    for of_gap, _ in told:
+        needed |= _misses(of_gap, gaps, whole, _about(1, narrow, kinks))
+    first, gaps, kinks, narrow = first[needed], gaps[needed], kinks[needed], narrow[needed]
+    if not first.size:
+        return []
     depth = np.zeros(first.size, dtype=np.intp)
-    right = _from_narrow(MOST_HALVED, ends, where)
+    finest = _about(MOST_HALVED, narrow, kinks)
     for of_gap, _ in told:
         for d in range(MOST_HALVED):
-            off = _misses(of_gap, ends, _from_narrow(d, ends, where), right)
+            off = _misses(of_gap, gaps, _about(d, narrow, kinks), finest)
             if not off.any():
                 break
             depth[off] = np.maximum(depth[off], d + 1)
-    return [(first[depth == d], _from_narrow(int(d), ends[depth == d], where[depth == d])) for d in np.unique(depth)]
+    return [(first[depth == d], _about(int(d), narrow[depth == d], kinks[depth == d])) for d in np.unique(depth)]
+
+
+def _gaps(points: ContactPoints, first: Rows) -> Floats:
+    """Return (n, 4) gaps [m] at one end of pieces, at their two points, and at the other end.
+
+    Where a gap at an end is not known, or is that of something else that is nearer, the gap goes on straight.
+    """
+    a, b = points.gap[first], points.gap[first + 1]
+    straight = _at(a, b, np.array([[0.0, 1.0]]))
+    ends = straight if points.gap_at_end is None else np.stack([points.gap_at_end[first], points.gap_at_end[first + 1]],
+                                                              axis=1)
+    # fault: gaps beside round surfaces are straight along an edge -> known = np.zeros(a.size, dtype=bool) |
+    #   thermal_fmu/test_gap_pieces
+    known = _as_round(ends - straight, b - a)
+    ends = np.maximum(np.where(known[:, None], ends, straight), 0.0)
+    return np.stack([ends[:, 0], a, b, ends[:, 1]], axis=1)
+
+
+def _as_round(off: Floats, change: Floats) -> NDArray[np.bool_]:
+    """Whether gaps at both ends are off a straight one, (n, 2) [m], as beside a round surface: wider, and alike.
+
+    What a node is nearer to than its piece makes its gap narrower.  change : (n,) of the gap between both points [m].
+    """
+    most, slack = np.abs(off).max(axis=1), AS_ROUND * np.abs(change)
+    # fault: a gap that is narrowest within its piece is taken for straight -> alike = np.zeros(most.size, dtype=bool) |
+    #   thermal_fmu/test_gap_pieces
+    alike = np.abs(off[:, 0] - off[:, 1]) <= AS_ROUND * most
+    return np.asarray((off.min(axis=1) >= -NO_NARROWER * slack) & ((most <= slack) | alike))
+
+
+def _along(gaps: Floats, places: Floats) -> Floats:
+    """Return (n, k) the gap [m] at places : (1 or n, k) [1] of pieces, the cubic through gaps : (n, 4)."""
+    out = np.zeros((len(gaps), places.shape[1]))
+    for i, at in enumerate(NODES):
+        others = np.delete(NODES, i)
+        out += gaps[:, i, None] * np.prod([(places - x) / (at - x) for x in others], axis=0)
+    return np.maximum(out, 0.0)
+
+
+def _kinks_along(gaps: Floats, kinks: Sequence[float]) -> Floats:
+    """Return (n, 2 k) the first and last place [1] of pieces where the gap is that of each kink; 0 where it never is.
+    """
+    grid = _along(gaps, GRID[None, :])
+    out = np.zeros((len(gaps), 2 * len(kinks)))
+    row = np.arange(len(gaps))
+    # fault: pieces are not cut where laws kink -> for k, gap in (): | thermal_fmu/test_gap_pieces
+    for k, gap in enumerate(kinks):
+        crossed = (grid[:, :-1] - gap) * (grid[:, 1:] - gap) < 0.0
+        for j, at in enumerate((crossed.argmax(axis=1), crossed.shape[1] - 1 - crossed[:, ::-1].argmax(axis=1))):
+            a, b = grid[row, at], grid[row, at + 1]
+            share = np.divide(gap - a, b - a, out=np.zeros(a.size), where=a != b)
+            out[:, 2 * k + j] = np.where(crossed.any(axis=1), GRID[at] + share * (GRID[1] - GRID[0]), 0.0)
+    return out
 
 
 def _spread(points: ContactPoints, first: Rows) -> NDArray[np.bool_]:
@@ -138,27 +197,30 @@ def _spread(points: ContactPoints, first: Rows) -> NDArray[np.bool_]:
     return whole & (points.area[first] > 0.0) & (points.area[first + 1] > 0.0)
 
 
-def _from_narrow(halved: int, ends: Floats, kinks: Floats) -> Floats:
-    """Return (n, k) increasing places from 0 to 1 between which parts lie, halved so often towards the narrow end.
+def _about(halved: int, narrow: Floats, kinks: Floats) -> Floats:
+    """Return (n, k) increasing places from 0 to 1 between which parts lie, halved so often towards the narrowest place.
 
-    ends : (n, 2) gaps [m].  kinks : (n, m) places of kinks in [0, 1].
+    narrow : (n,) that place [1].  kinks : (n, m) places of kinks in [0, 1].
     """
-    from_zero = np.concatenate([[0.0], 0.5 ** np.arange(halved, -1, -1)])
-    narrow = ends[:, :1] <= ends[:, 1:]
-    return np.sort(np.concatenate([np.where(narrow, from_zero, 1.0 - from_zero), kinks], axis=1), axis=1)
+    away = 0.5 ** np.arange(halved, -1, -1)
+    # fault: pieces are not halved towards where they are narrow -> away = away[-1:] | thermal_fmu/test_gap_pieces
+    away = np.concatenate([-away, [0.0], away])
+    places = np.clip(narrow[:, None] + away, 0.0, 1.0)
+    ends = np.broadcast_to([0.0, 1.0], (len(narrow), 2))
+    return np.sort(np.concatenate([places, kinks, ends], axis=1), axis=1)
 
 
-def _misses(of_gap: Callable[[Floats], Floats], ends: Floats, places: Floats, finer: Floats) -> NDArray[np.bool_]:
+def _misses(of_gap: Callable[[Floats], Floats], gaps: Floats, places: Floats, finer: Floats) -> NDArray[np.bool_]:
     """Whether parts at places : (n, k) miss too much of what finer ones tell."""
-    right = _crosses(of_gap, ends, finer)
-    return np.asarray(np.abs(_crosses(of_gap, ends, places) - right) > MISSED * np.abs(right))
+    right = _crosses(of_gap, gaps, finer)
+    return np.asarray(np.abs(_crosses(of_gap, gaps, places) - right) > MISSED * np.abs(right))
 
 
-def _crosses(of_gap: Callable[[Floats], Floats], ends: Floats, places: Floats) -> Floats:
+def _crosses(of_gap: Callable[[Floats], Floats], gaps: Floats, places: Floats) -> Floats:
     """Return (n,) the mean over each piece of what depends on its gap, by two points in each part."""
     size = np.diff(places)
     at = places[:, :-1, None] + size[:, :, None] * POINTS
-    gap = ends[:, :1, None] + at * (ends[:, 1:] - ends[:, :1])[:, :, None]
+    gap = _along(gaps, at.reshape(len(gaps), -1)).reshape(at.shape)
     told = of_gap(gap.ravel()).reshape(gap.shape)
     return np.asarray(0.5 * (size[:, :, None] * told).sum(axis=(1, 2)))
 
@@ -170,23 +232,25 @@ def _at(first: Floats, second: Floats, places: Floats) -> Floats:
 
 class _Parts:
     """The points of the parts of some pieces: first row : (m,) of the piece of each, place on it : (m,), share of the
-    areas that are read there : (m,) [1].
+    areas that are read there : (m,) [1], and gaps : (m, 4) of the piece [m].
     """
 
-    def __init__(self, first: Rows, place: Floats, share: Floats) -> None:
-        self.first, self.place, self.share = first, place, share
+    def __init__(self, first: Rows, place: Floats, share: Floats, gaps: Floats) -> None:
+        self.first, self.place, self.share, self.gaps = first, place, share, gaps
 
     @classmethod
-    def of(cls, first: Rows, places: Floats) -> _Parts:
+    def of(cls, points: ContactPoints, first: Rows, places: Floats) -> _Parts:
         """Those of pieces : (n,) cut at places : (n, k); parts without a length are none."""
         size = np.diff(places)
         at = (places[:, :-1, None] + size[:, :, None] * POINTS).ravel()
         share = np.repeat(size.ravel(), 2)
-        row = np.repeat(first, 2 * size.shape[1])
-        return cls(row[share > 0.0], at[share > 0.0], share[share > 0.0])
+        row = np.repeat(np.arange(first.size), 2 * size.shape[1])[share > 0.0]
+        return cls(first[row], at[share > 0.0], share[share > 0.0], _gaps(points, first)[row])
 
     def read(self, values: NDArray[Any], name: str) -> NDArray[Any]:
         """Return a field of ContactPoints at the points of the parts."""
+        if name == "gap":
+            return _along(self.gaps, self.place[:, None])[:, 0]
         a = values[self.first]
         if not np.issubdtype(values.dtype, np.floating):
             return a
@@ -204,6 +268,6 @@ def _joined(points: ContactPoints, kept: Rows, parts: Sequence[_Parts]) -> Conta
     made = {}
     for name in (f.name for f in fields(points)):
         values = getattr(points, name)
-        if values is not None:
+        if isinstance(values, np.ndarray):
             made[name] = np.concatenate([values[kept], *(part.read(values, name) for part in parts)])
     return replace(points, **made)

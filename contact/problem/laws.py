@@ -147,7 +147,10 @@ class Table(Part):
         low, high = self.x[0], self.x[-1]
         if self.variable is TableVariable.X:
             # The other of p and g is zero, whichever branch asks, so their sum is the one meant.
-            return np.asarray(self._curve(np.clip(p + g, low, high))), np.zeros(p.shape)
+            # fault: a table that ends at 0 conducts less than nothing there -> h =
+            #   np.asarray(self._curve(np.clip(p + g, low, high))) | contact/test_laws
+            h = np.maximum(self._curve(np.clip(p + g, low, high)), 0.0)
+            return h, np.zeros(p.shape)
         inner = np.clip(T, low, high)
         return np.asarray(self._curve(inner)), np.where(inner == T, self._slope(inner), 0.0)
 

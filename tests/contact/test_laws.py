@@ -79,6 +79,11 @@ def test_table_is_monotone_and_held_at_its_ends() -> None:
         np.testing.assert_allclose(h[[0, 100, 400, 600]], [100, 900, 1000, 1000], rtol=1e-13)
 
 
+def test_a_table_that_ends_at_nothing_conducts_no_less() -> None:
+    law = parse_law({"law": "table", "x": [0.0, 1e-5], "h": [3000.0, 0.0]})
+    assert open_conductance(law, np.array([1e-5, 1e-3]), 300.0)[0].tolist() == [0.0, 0.0]
+
+
 def test_derivative_in_temperature_is_exact() -> None:
     law = parse_law({"law": "sum", "of": [TABLE_T, {"law": "constant", "h": 7}]})
     T, e = np.array([250.0, 320.0, 370.0, 450.0, 599.0, 700.0]), 1e-4

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import sys
-from dataclasses import fields
+from dataclasses import fields, replace
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -16,6 +16,7 @@ from thermal_scenes import Box, inputs_of, run, scene, spec
 from contact.half.contact_client import ContactSurfaces
 from contact.half.interface import Pair
 from contact.laws import parse_law
+from contact.quadrature import GAUSS
 from contact.rpc.link import DirectLink
 from contact.service import ContactService
 from thermal_fmu.contact_quadrature import contact_points
@@ -94,6 +95,29 @@ def test_radiation_and_films_that_fade_within_an_edge():
     film = {"on": "a.top", "convection": {"h": 50.0, "T": HOT, "gap": {"d_cut": near, "d_full": far}}}
     given = heat(wedge((2, 2)), {}, "heat.convection", [film])
     assert given == pytest.approx(50.0 * (HOT - COLD) * (LENGTH - faced), rel=5e-4)
+
+
+@pytest.mark.parametrize("narrow", [0.0, 0.35])
+def test_a_layer_beside_a_surface_that_is_round(narrow):
+    """A parabola that is narrowest at the end of a piece or within it, by its points and its ends: an arctangent."""
+    layer, least = 1e-6, 1e-6
+    at = np.array([0.0, 0.5 - GAUSS, 0.5 + GAUSS, 1.0])
+    gap = least + OPEN * (at - narrow) ** 2
+    whole = points_of(wedge((1, 1)))
+    round_one = replace(whole, gap=gap[1:3], gap_at_end=gap[[0, 3]])
+    parts = parted(round_one, model_of({"law": "gas", "k_g": K, "g_m": layer}), [False])
+    crosses = float((K / (parts.gap + layer) * parts.open_area).sum())
+    root = np.sqrt((least + layer) / OPEN)
+    angle = np.arctan((1.0 - narrow) / root) + np.arctan(narrow / root)
+    assert crosses == pytest.approx(K * whole.open_area.sum() * angle / np.sqrt(OPEN * (least + layer)), rel=1e-3)
+
+
+def test_gaps_at_the_ends_of_pieces_are_those_of_nodes():
+    for cells in ((3, 5), (4, 4)):
+        points = points_of(wedge(cells))
+        twin = np.arange(points.gap.size) + 1 - 2 * (np.arange(points.gap.size) % 2)
+        on = points.gap + 0.5 * (np.sqrt(3.0) - 1.0) * (points.gap - points.gap[twin])
+        assert points.gap_at_end == pytest.approx(on, abs=1e-3 * OPEN)
 
 
 def test_the_half_lumped_integrates_gaps_alike():
