@@ -265,7 +265,7 @@ class _Parts:
 
 def _joined(points: ContactPoints, kept: Rows, parts: Sequence[_Parts]) -> ContactPoints:
     """Return the rows kept, then the points of the parts."""
-    made = {}
+    made: dict[str, Any] = {}
     for name in (f.name for f in fields(points)):
         values = getattr(points, name)
         if isinstance(values, np.ndarray):
