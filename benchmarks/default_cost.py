@@ -115,7 +115,8 @@ CASES: Mapping[str, Case] = {
                 **{f"bodies__{b}__mesh__rectangle__cells": [8, 8] for b in ("lower", "upper")}),
         25000.0, 400.0, 4, ((2500, 1, 20), (9900, 20, 2), (10000, 2, 0.1), (12500, 0.1, 20), (14600, 1, 4),
                             (14800, 0.5, 0.5), (25000, 1, 80)),
-        more={"kinks": [14772.727272727272, 14776]}, reduced="8 x 8 cells a block"),
+        # The largest pressure peaks within windows of the reference, each time that an edge leaves another.
+        more={"kinks": [14772.727272727272, 14776]}, without=("interface.p",), reduced="8 x 8 cells a block"),
 }
 
 
