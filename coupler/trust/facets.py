@@ -21,6 +21,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -194,6 +195,15 @@ class Chords:
             np.add.at(weight, cut.at[:, end], share * cut.values[:, 3])
         rms = np.sqrt(np.divide(square, weight, out=np.zeros_like(square), where=weight > 0.0))
         return rms, self._nodal(cut, _at_ends(cut, rise)), cut.node_gap
+
+    def above(self, x: Array) -> tuple[Cut, Array, NDArray[np.integer[Any]]]:
+        """Return what faces what at x : (n_nodes, 2) [m] between edges, how far arcs are above these there, (n_p,) [m],
+        and the pair of each point.
+        """
+        cut = cut_surfaces(self._surfaces, x[self._interface.contact_nodes])
+        xi, eta = cut.values[:, 0], cut.values[:, 1]
+        rise = self._rise[cut.met[:, 0]] * xi * (1.0 - xi) + self._rise[cut.met[:, 1]] * eta * (1.0 - eta)
+        return cut, rise, self._surfaces.pair_nodes.pair[cut.at[:, 0]]
 
     def _nodal(self, cut: Cut, at_ends: Array) -> Array:
         nodal, pieces = np.zeros(self._interface.pair_nodes.size), np.zeros(self._interface.pair_nodes.size)

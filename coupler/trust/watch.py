@@ -32,6 +32,7 @@ from coupler.trust import (
     passing,
     penetration,
     rhythm,
+    round_gaps,
     skipped,
     solved,
     stability,
@@ -66,6 +67,7 @@ class TrustLog:
     unpaired: unpaired.UnpairedLog = field(default_factory=unpaired.UnpairedLog)
     penetration: penetration.PenetrationLog = field(default_factory=penetration.PenetrationLog)
     facets: facets.FacetLog = field(default_factory=facets.FacetLog)
+    round_gaps: round_gaps.RoundGapLog = field(default_factory=round_gaps.RoundGapLog)
     errors: errors.ErrorLog = field(default_factory=errors.ErrorLog)
     stability: stability.StabilityLog = field(default_factory=stability.StabilityLog)
     shapes: carried.CarriedLog = field(default_factory=carried.CarriedLog)
@@ -110,6 +112,7 @@ class TrustWatch:
         pairs = models["mechanical"].get("pairs", {})
         self._yields = penetration.Yields(interface, {n for n, p in pairs.items() if p.get("augmented")})
         self._facets = facets.Facets(interface, self._yields)
+        self._round_gaps = round_gaps.RoundGaps(interface, models["thermal"])
         of_heat = models["thermal"].get("pairs", {})
         self._meeting = [(pair.slave.partition(".")[0], pair.master.partition(".")[0]) for pair in interface.pairs
                          if of_heat.get(pair.name)]
@@ -163,6 +166,7 @@ class TrustWatch:
             unpaired=self._unpaired.watched(log.unpaired, now),
             penetration=self._yields.watched(log.penetration, now),
             facets=log.facets if self._prescribed else self._facets.watched(log.facets, now),
+            round_gaps=self._round_gaps.watched(log.round_gaps, now, now.t - before.t),
             skipped=self._placed.watched(log.skipped, before, now),
             carried=carried.watched(log.carried, monitors.get(f"thermal.{OFF_MESH}"), now.t),
             shapes=carried.watched(log.shapes, shape_off, now.t, 0.0 if shape_off is None else self._deformed(now)),
@@ -238,6 +242,7 @@ class TrustWatch:
             *self._unpaired.checks(log.unpaired, self._place(log.unpaired.node, log.unpaired.end), self._prescribed),
             penetration.check(log.penetration, self._yields, self._prescribed),
             *(() if self._prescribed else facets.checks(log.facets, self._facets)),
+            *self._round_gaps.checks(log.round_gaps),
             *equilibrium.checks(log.equilibrium),
             *self._motion.checks(log.motion),
             *self._placed.checks(log.skipped),
