@@ -222,7 +222,8 @@ def contact_notes(interface: Interface, thermal: Model, mechanical: Model) -> li
     thermal, mechanical : model.json of the halves (of another package: what is not found in them is not told).
     """
     return (overlap_notes(interface) + start_notes(interface, _stiffness(interface, thermal, mechanical))
-            + role_notes(interface, thermal) + node_notes(interface) + tie_notes(interface))
+            + role_notes(interface, thermal) + film_notes(interface, thermal) + node_notes(interface)
+            + tie_notes(interface))
 
 
 def _stiffness(interface: Interface, thermal: Model, mechanical: Model) -> dict[str, float]:
@@ -320,6 +321,31 @@ def _gap_conductances(interface: Interface, thermal: Model) -> list[float]:
         h = 0.0 if law is None else open_conductance(parse_law(law), facing.gap[at], mean_T0(thermal, interface))[0]
         out.append(float((h * area[at]).sum()))
     return out
+
+
+# Films on what another body covers.
+
+CLOSE = 1e-3  # of an edge: a gap that is less is none as drawn
+
+
+def film_notes(interface: Interface, thermal: Model) -> list[str]:
+    """One sentence for each film, without a gap, on a surface that the other side of a pair touches as drawn."""
+    films = {b["on"] for b in thermal.get("boundary", ()) if "convection" in b and "gap" not in b["convection"]}
+    pairs = [(k, pair) for k, pair in enumerate(interface.pairs) if films & {pair.slave, pair.master}]
+    if not pairs:
+        return []
+    facing, notes = facing_at(interface, interface.nodes), {}
+    edges = interface.contact_nodes[register_message(interface).edges].reshape(-1, 2)
+    length = np.linalg.norm(interface.nodes[edges[:, 1]] - interface.nodes[edges[:, 0]], axis=1)
+    for k, pair in pairs:
+        at = facing.pair == k
+        touches = bool((facing.gap[at] < CLOSE * length[facing.slave_edge[at]]).any())
+        for own, other in ((pair.slave, pair.master), (pair.master, pair.slave)):
+            # fault: a film under another body is not told -> if False: | coupler/test_scenario_thermal
+            if own in films and touches:
+                notes[own] = (f"convection on {own} acts where {other} covers it, too. With a gap, such as "
+                              "`gap: {d_cut: 0, d_full: 1 mm}`, it acts on what is uncovered alone")
+    return list(notes.values())
 
 
 # Points of `form: nodes` that do not face a node.

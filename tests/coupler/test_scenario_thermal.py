@@ -360,6 +360,21 @@ def test_an_h_factor_may_begin_at_zero(tmp_path: Path) -> None:
     load_text(tmp_path, RICH.replace("h_factor: {T: [0, 50], value: [0, 1]}", "h_factor: {polynomial: [-2, 0.1]}"))
 
 
+def test_a_film_under_another_body_is_told(tmp_path: Path) -> None:
+    def told(text: str) -> list[str]:
+        return [note for note in load_text(tmp_path, text).notes if "covers it, too" in note]
+
+    bare = GOOD.replace(", gap: {d_cut: 1.0e-3, d_full: 6.0e-3}", "")
+    assert told(GOOD) == []
+    (note,) = told(bare)
+    assert note.startswith("convection on lower.top acts where upper.bottom covers it, too. With a gap")
+    assert told(bare.replace("{on: lower.top, conv", "{on: upper.bottom, conv"))[0].startswith("convection on upper.bo")
+    assert told(bare.replace("{on: lower.top, conv", "{on: lower.right, conv")) == []
+    assert told(bare.replace("origin: [0, 1]", "origin: [0, 1.05]")) == []
+    # What it advises is taken.
+    assert told(bare.replace("T: 200}", "T: 200, gap: {d_cut: 0, d_full: 1 mm}}")) == []
+
+
 def test_a_pair_that_lets_no_heat_pass_is_told() -> None:
     """A hot block pressed on a cold one: without `conduction` both keep their temperatures, which nobody meant."""
     pair, law = Pair("face", "a.top", "b.bottom", 0.1, 0.0), {"law": "constant", "h": 1000.0}
