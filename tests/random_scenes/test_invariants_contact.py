@@ -119,10 +119,10 @@ def test_a_corner_that_lends_its_pressure_is_found(monkeypatch):
     assert not OPEN.check(scene, story, RNG)
     right = thermal_fmu.half.contact_points
 
-    def lent(surfaces, facing, t_N, x):
+    def lent(surfaces, facing, t_N, x, *join):
         largest = np.zeros(len(x))
         np.minimum.at(largest, surfaces.interface.pair_nodes, t_N)
-        return right(surfaces, facing, largest[surfaces.interface.pair_nodes], x)
+        return right(surfaces, facing, largest[surfaces.interface.pair_nodes], x, *join)
 
     monkeypatch.setattr(thermal_fmu.half, "contact_points", lent)
     found = OPEN.check(scene, told(scene), RNG)

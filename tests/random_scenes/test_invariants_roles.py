@@ -66,8 +66,8 @@ def test_even_gaps_are_told_from_others() -> None:
 def _more_area_from_the_first_body(patch: pytest.MonkeyPatch) -> None:
     right = thermal_fmu.half.contact_points
 
-    def wrong(surfaces: Any, facing: Any, t_N: Any, x: Any) -> Any:
-        points = right(surfaces, facing, t_N, x)
+    def wrong(surfaces: Any, facing: Any, t_N: Any, x: Any, *join: Any) -> Any:
+        points = right(surfaces, facing, t_N, x, *join)
         first = surfaces.interface.node_body[points.nodes[:, 0]] == 0
         return replace(points, open_area=np.where(first, 1.05, 1.0) * points.open_area)
 
@@ -77,8 +77,8 @@ def _more_area_from_the_first_body(patch: pytest.MonkeyPatch) -> None:
 def _half_the_pressure_on_the_second_body(patch: pytest.MonkeyPatch) -> None:
     right = thermal_fmu.half.contact_points
 
-    def wrong(surfaces: Any, facing: Any, t_N: Any, x: Any) -> Any:
-        points = right(surfaces, facing, t_N, x)
+    def wrong(surfaces: Any, facing: Any, t_N: Any, x: Any, *join: Any) -> Any:
+        points = right(surfaces, facing, t_N, x, *join)
         first = surfaces.interface.node_body[points.nodes[:, 0]] == 0
         return replace(points, p=np.where(first, 0.5, 1.0) * points.p)
 
