@@ -49,7 +49,7 @@ from coupler.scenario.several import Several, several_of, several_wrongs
 from coupler.scenario.si import ToSI
 from coupler.scenario.starts import TakenCourse, TakenStart
 from coupler.scenario.stated import NEAREST, Stated
-from coupler.scenario.timing import CouplingOptions, Output, coupling_of, output_of
+from coupler.scenario.timing import CouplingOptions, Output, coupling_of, moves_on, output_of
 from coupler.scenario.understood import CONSTANT
 from coupler.scenario.unit_system import UnitSystem
 from coupler.scenario.versions import notice, with_old_defaults
@@ -136,6 +136,7 @@ class Scenario:
             found += unlikely(self.stated, self.interface, self.units)
             found += unlikely_loads(self.stated, self.units)
         found += lost_heat(self.models["mechanical"], self.coupling.scheme)
+        found += moves_on(self.models["mechanical"], self.coupling.steady)
         thermal = self.models["thermal"]
         if self.temperature_unit != "K":
             given = [what for rule in self.rules for what in (*rule.do, rule.drive) if isinstance(what, Give | Drive)]

@@ -102,6 +102,20 @@ def is_steady(models: Mapping[str, Any]) -> bool:
     return bool(models["thermal"].get("method") == "steady")
 
 
+def moves_on(mechanical: Mapping[str, Any], steady: float) -> list[str]:
+    """A sentence where a run that ends at rates of temperature below `steady` [K/s] may end while bodies move.
+
+    mechanical : model.json of the mechanical half.
+    """
+    creeps = sorted(name for name, material in mechanical.get("materials", {}).items() if material.get("creep"))
+    inert = mechanical.get("dynamics") is not None or mechanical.get("method") == "explicit"
+    # fault: a run that ends while bodies fall or creep is not told -> if True: | coupler/test_stop_steady
+    if steady == 0.0 or not (inert or creeps):
+        return []
+    what = "bodies with inertia move" if inert else f"{', '.join(creeps)} creep{'s' * (len(creeps) == 1)}"
+    return [f"coupling.stop.steady looks at temperatures alone: the run may end while {what} on"]
+
+
 def kinks_in(model: Any) -> Iterator[float]:
     """Times [s] of every signal table anywhere in a model, and those at which conditions are released."""
     for times in _tables_in(model):

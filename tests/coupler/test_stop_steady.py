@@ -8,6 +8,7 @@ import pytest
 from coupler import run
 from coupler.scenario.load import scenario_from
 from coupler.scenario.scales import latent_span
+from coupler.scenario.timing import moves_on
 
 RHO, C, LATENT, H, WIDTH = 2700.0, 1000.0, 4.0e5, 100.0, 0.02
 START, MELTS, AROUND = 900.0, 933.0, 1100.0
@@ -53,3 +54,13 @@ def test_the_latent_heat_counts_by_what_it_would_warm(tmp_path):
     for material in phased["materials"].values():
         del material["latent"]
     assert latent_span(phased) == 0.0
+
+
+@pytest.mark.parametrize(("model", "told"), [
+    ({"dynamics": {}}, "bodies with inertia move on"), ({"method": "explicit"}, "bodies with inertia move on"),
+    ({"materials": {"lead": {"creep": {"law": "norton"}}, "steel": {}}}, "lead creeps on"),
+    ({"materials": {"steel": {}}, "method": "newton"}, "")])
+def test_what_moves_on_at_steady_temperatures_is_told(model, told):
+    notes = moves_on(model, RATE)
+    assert [told in note for note in notes] == [True] * bool(told)
+    assert moves_on(model, 0.0) == []
