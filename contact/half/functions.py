@@ -197,6 +197,13 @@ class Field:
         parts = [(at[2:] - at[:-2]).min() if len(at) > 2 else at[1] - at[0] for at in tables]
         return float(min(parts, default=np.inf))
 
+    @property
+    def is_curved(self) -> bool:
+        """Whether a polynomial over place is no straight line."""
+        profiles = (p for term in self.terms for p in (term.x, term.y) if p is not None and p.at is None)
+        # fault: a parabola is taken for a line -> return False | coupler/test_trust_at_nodes
+        return any(bool(p.value[2:].any()) for p in profiles)
+
     def bends_within(self, corners: Floats) -> NDArray[np.bool_]:
         """Say, (n,), in which cells or edges a profile changes its slope, but for changes at their own sides.
 

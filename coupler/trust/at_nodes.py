@@ -3,8 +3,8 @@
 A start temperature, what is prescribed, temperature or displacement, and the fit of a pair are read at nodes, with
 straight lines between them.  A part of their table that is narrower than a cell is missed, or as wide as the cells
 about a node: a hot strip between two rows of nodes is not there at all, and the run goes on as if nothing had been
-stated.  What belongs together (all cells of a body or region, all edges of a surface) is judged as one; in a scene
-about an axis each place counts with its radius.
+stated.  Of a polynomial nodes read the chords.  What belongs together (all cells of a body or region, all edges of a
+surface) is judged as one; in a scene about an axis each place counts with its radius.
 """
 
 from __future__ import annotations
@@ -28,6 +28,7 @@ NAME = "data over place read at nodes"
 # Of what is stated: what is seen in a curve, and what no sketch may be off by.
 NOTE_AT, LIMIT = 0.02, 0.2
 SAMPLES = 32  # along a side of a cell or an edge; a part that is narrower than a cell is seen down to some 1/30 of it
+SMOOTH = 4  # the same where nothing but polynomials bend: what nodes miss of a parabola is seen to 1/16
 AT_ONCE = 512  # cells
 
 
@@ -36,7 +37,7 @@ class _Read:
     """where : in words.  off : what nodes say less what is stated, over what is stated above the least of it, or below
     the largest if that is less.
 
-    narrow [m] : the narrowest part of its tables.
+    narrow [m] : the narrowest part of its tables; inf where it has none.
     """
 
     where: str
@@ -46,7 +47,7 @@ class _Read:
 
 def checks(interface: Interface, thermal: Mapping[str, Any], mechanical: Mapping[str, Any],
            fits: Mapping[str, Any] | None = None) -> tuple[Check, ...]:
-    """Return the row of both halves' model.json; none where no table bends between nodes.
+    """Return the row of both halves' model.json; none where nothing bends between nodes.
 
     fits : pair -> its clearance or interference, as stated in SI.
     """
@@ -60,7 +61,8 @@ def checks(interface: Interface, thermal: Mapping[str, Any], mechanical: Mapping
     return (measured(NAME, abs(worst.off), (NOTE_AT, LIMIT),
                      what=f"{worst.where} bends between nodes, which read {100.0 * abs(worst.off):.3g} % {more} of it "
                           "than is stated, above its least value or below its largest",
-                     remedy=f"Put nodes where its table bends, or make cells there smaller than {worst.narrow:.3g} m, "
+                     remedy="Use smaller cells there" if math.isinf(worst.narrow) else
+                            f"Put nodes where its table bends, or make cells there smaller than {worst.narrow:.3g} m, "
                             "its narrowest part"),)
 
 
@@ -107,11 +109,13 @@ def _edges(interface: Interface, on: str) -> list[Array]:
 
 
 def _read(where: str, data: Field, parts: Sequence[Array], axisymmetric: bool) -> _Read | None:
-    """How far what nodes read of a field is from it; None where none of its tables bends within a cell.
+    """How far what nodes read of a field is from it; None where it bends within no cell.
 
     parts : (n, 2 of an edge, 3 or 4, 2) [m] each; together they read the field.  axisymmetric : x is the radius.
     """
     crossed = [data.bends_within(corners) for corners in parts]
+    samples = SAMPLES if any(c.any() for c in crossed) else SMOOTH
+    crossed = [c | data.is_curved for c in crossed]
     if not any(c.any() for c in crossed):
         return None
     level = np.array([signal.value[np.abs(signal.value).argmax()] for signal in data.signals])
@@ -119,7 +123,7 @@ def _read(where: str, data: Field, parts: Sequence[Array], axisymmetric: bool) -
     for corners, bends in zip(parts, crossed, strict=True):
         if not len(corners):
             continue
-        nodal, sizes, N = _values(data, level, corners), _sizes(corners), _places(corners.shape[1])
+        nodal, sizes, N = _values(data, level, corners), _sizes(corners), _places(corners.shape[1], samples)
         low, high = min(low, float(nodal.min())), max(high, float(nodal.max()))
         around = _around(corners, axisymmetric)
         size += float((sizes[~bends, None] * around[~bends]).sum()) / corners.shape[1]
@@ -127,7 +131,7 @@ def _read(where: str, data: Field, parts: Sequence[Array], axisymmetric: bool) -
         # So many at once that their places take some 10 MB.
         for some in np.array_split(np.flatnonzero(bends), max(1, math.ceil(bends.sum() / AT_ONCE))):
             at = N @ corners[some]
-            stated, shares = _values(data, level, at), _shares(corners[some]) * _around(at, axisymmetric)
+            stated, shares = _values(data, level, at), _shares(corners[some], N) * _around(at, axisymmetric)
             low, high = min(low, float(stated.min(initial=low))), max(high, float(stated.max(initial=high)))
             size += float(shares.sum())
             over += float((shares * stated).sum())
@@ -151,9 +155,9 @@ def _values(data: Field, level: Array, x: Array) -> Array:
     return np.asarray(level @ shapes).reshape(x.shape[:-1])
 
 
-def _places(corners: int) -> Array:
-    """Shape functions (m, corners) [1] at places spread over a cell or an edge."""
-    s = (np.arange(SAMPLES) + 0.5) / SAMPLES
+def _places(corners: int, samples: int) -> Array:
+    """Shape functions (m, corners) [1] at places spread over a cell or an edge, so many along a side."""
+    s = (np.arange(samples) + 0.5) / samples
     if corners == 2:
         return np.stack([1.0 - s, s], axis=1)
     p, q = (a.ravel() for a in np.meshgrid(s, s, indexing="ij"))
@@ -172,9 +176,9 @@ def _sizes(cells: Array) -> Array:
     return np.abs(0.5 * _cross(cells[:, 2] - cells[:, 0], cells[:, -1] - cells[:, 1]))
 
 
-def _shares(cells: Array) -> Array:
-    """What of each cell or edge : (n, corners, 2) [m] is about each of its places, (n, m) [m2] or [m]."""
-    N = _places(cells.shape[1])
+def _shares(cells: Array, N: Array) -> Array:
+    """What of each cell or edge : (n, corners, 2) [m] is about each of its places N : (m, corners), (n, m) [m2] or [m].
+    """
     if cells.shape[1] != 4:
         return np.repeat(_sizes(cells)[:, None] / len(N), len(N), axis=1)
     a, b, c, d = np.moveaxis(cells, 1, 0)

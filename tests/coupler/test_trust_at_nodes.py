@@ -72,7 +72,7 @@ def test_half_a_body_that_is_hot_is_off_by_half_a_cell(tmp_path, cells, verdict)
 def test_where_nodes_are_at_its_bends_nothing_is_said(tmp_path):
     bends = {"at": [0.0, 0.03, 0.05, 0.1], "value": [0.0, 1.0, 0.5, 0.0]}
     assert row(tmp_path, {"terms": [{"t": 300.0}, {"t": 50.0, "x": bends}]}) is None
-    assert row(tmp_path, {"terms": [{"t": 300.0}, {"t": 50.0, "x": {"polynomial": [0.0, 1.0, 1.0]}}]}) is None
+    assert row(tmp_path, {"terms": [{"t": 300.0}, {"t": 50.0, "x": {"polynomial": [0.0, 1.0]}}]}) is None
     assert row(tmp_path, 300.0) is None
     assert row(tmp_path, strip(5.0, 1.0)) is None
 
@@ -81,6 +81,22 @@ def test_a_gentle_table_holds(tmp_path):
     """A tent whose top lies between nodes."""
     tent = {"at": [-0.1, 0.055, 0.2], "value": [0.0, 1.0, 0.0]}
     assert row(tmp_path, {"terms": [{"t": 300.0}, {"t": 50.0, "x": tent}]}).verdict is TrustVerdict.HOLDS
+
+
+@pytest.mark.parametrize("more", [{}, {"triangles": True}], ids=["quads", "triangles"])
+@pytest.mark.parametrize(("n", "verdict"), [(2, TrustVerdict.NOTED), (3, TrustVerdict.NOTED), (8, TrustVerdict.HOLDS)])
+def test_a_parabola_is_read_by_its_chords(tmp_path, n, verdict, more):
+    """300 K and 500 (x/L)^2: n chords hold 1/(6 n^2) of 500 too much, of 500/3 that are stated: 1/(2 n^2)."""
+    found = row(tmp_path, {"terms": [{"t": 300.0}, {"t": 500.0, "x": {"polynomial": [0.0, 0.0, 100.0]}}]},
+                cells=(n, 1), **more)
+    assert found.number == pytest.approx(0.5 / n**2, rel=0.08)
+    assert found.verdict is verdict
+    if verdict is TrustVerdict.NOTED:
+        assert found.sentence.endswith("Use smaller cells there")
+
+
+def test_a_line_has_no_row(tmp_path):
+    assert row(tmp_path, {"terms": [{"t": 300.0}, {"t": 500.0, "x": {"polynomial": [0.0, 10.0, 0.0]}}]}) is None
 
 
 def test_a_prescribed_temperature_too_and_the_run_ends_so(tmp_path):
