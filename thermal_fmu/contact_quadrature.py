@@ -171,7 +171,7 @@ def contact_points(surfaces: ContactSurfaces, facing: Facing, t_N: Floats, x: Fl
                           for area in gap_areas(surfaces.interface, surfaces.edges, facing, x))
     points = ContactPoints(nodes, searched, N_s, N_m, gap, p, facing.area, mean, facing.area, facing.area_m, end_s,
                            end_m, facing.pair, facing.slave_edge, facing.master_edge,
-                           gap_at_end=_gaps_at_ends(surfaces, facing), join=join)
+                           gap_at_end=_gaps_at_ends(surfaces, facing) if apart.any() else None, join=join)
     # fault: a second pass exchanges the sides of its pair -> exchanged = None | thermal_fmu/test_thermal_friction
     exchanged = _from_master(surfaces, facing)
     return points if exchanged is None else _by_pair_sides(points, exchanged)

@@ -118,17 +118,19 @@ def conduction_groups(points: ContactPoints, pairs: Sequence[ThermalPair | None]
     through_cells : None: contact may conduct whatever it is said to.
     by_node : which pairs have one point a node, so that nothing is to be averaged; as many as pairs, or none.
     """
-    groups = []
+    groups, in_touch = [], points.closed_share
     for pair, own in enumerate(pairs):
         laws = None if own is None else own.stated.conduction
         if laws is None:
             continue
         for closed, law in ((True, laws.closed), (False, laws.open)):
-            share = points.closed_share if closed else 1.0 - points.closed_share
+            if law is None:
+                continue
+            share = in_touch if closed else 1.0 - in_touch
             at = np.flatnonzero((points.pair == pair) & (share > 0.0))
-            if law is not None and at.size:
+            if at.size:
                 argument, area = (points.p, points.area) if closed else (points.gap, points.open_area)
-                area = area * share
+                area = area * share if points.join > 0.0 else area
                 most = None if through_cells is None else \
                     STIFFEST * area[at] * through_cells.most[points.nodes[at]].max(axis=1)
                 group = ConductionGroup(pair, closed, law, argument[at], points.nodes[at], points.N_s[at],

@@ -105,6 +105,8 @@ def _cuts(points: ContactPoints, pair: int, told: Sequence[Told]) -> list[tuple[
     """
     first = np.arange(0, points.gap.size, 2)
     apart = (points.pair[first] == pair) & (points.p[first] == 0.0) & (points.p[first + 1] == 0.0)
+    if not apart.any():
+        return []
     first = first[apart]
     first = first[_spread(points, first)]
     if not first.size:
