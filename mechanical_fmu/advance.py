@@ -244,18 +244,21 @@ def solved(system: System, u: Floats, loading: Loading, first: ForceBalance, anc
 def _resumed(system: System, found: Equilibrium, left: tuple[Loading, ForceBalance], u: Floats,
              by_cells: Callable[[Loading, ForceBalance], Equilibrium], settings: SolverSettings) -> Equilibrium:
     """Find the equilibrium from where bodies were left behind, after one that took them along from u."""
-    error = float(system.error(left[1], system.floor(left[0], settings.tolerance)).max())
-    if error <= settings.tolerance:
-        return replace(found, balance=left[1], residual=error)
+    if settled := _settled(system, found, left, settings.tolerance):
+        return settled
     then = by_cells(*left)
     then = replace(then, history=(*found.history, *then.history[1:]), work=found.work + then.work, runs=found.runs)
     # What only took its own shape was damped, and what is left of its forces carried it on a little.
     # fault: what takes its own shape drifts -> again = None | mechanical_fmu/test_left_behind
     again = left_behind(system, left[0], u, then.balance, settings.tolerance)
-    if again is None:
-        return then
-    error = float(system.error(again[1], system.floor(again[0], settings.tolerance)).max())
-    return replace(then, balance=again[1], residual=error) if error <= settings.tolerance else then
+    return (_settled(system, then, again, settings.tolerance) if again else None) or then
+
+
+def _settled(system: System, found: Equilibrium, left: tuple[Loading, ForceBalance],
+             tolerance: float) -> Equilibrium | None:
+    """Return what was found with its bodies where they were left behind; None where they are not in balance there."""
+    error = float(system.error(left[1], system.floor(left[0], tolerance)).max())
+    return replace(found, balance=left[1], residual=error) if error <= tolerance else None
 
 
 def in_pieces(system: System, task: Task, begin: Departure, settings: SolverSettings, cuts: int,

@@ -48,7 +48,7 @@ def parted(points: ContactPoints, model: Model, by_node: Sequence[bool]) -> Cont
     """
     fades = [where.ends for where in (*(f.where for f in model.films), *(r.where for r in model.radiators))
              if isinstance(where, Exposed) and where.ends is not None]
-    cut: list[tuple[Rows, Floats]] = []
+    cut: list[tuple[Rows, Floats, Floats]] = []
     for pair, laws in enumerate(model.pairs):
         if by_node[pair]:
             continue
@@ -59,10 +59,10 @@ def parted(points: ContactPoints, model: Model, by_node: Sequence[bool]) -> Cont
             cut += _cuts(points, pair, told)
     if not cut:
         return points
-    rows = np.concatenate([rows for rows, _ in cut])
+    rows = np.concatenate([rows for rows, _, _ in cut])
     kept = np.ones(points.gap.size, dtype=np.bool_)
     kept[rows] = kept[rows + 1] = False
-    return _joined(points, np.flatnonzero(kept), [_Parts.of(points, *part) for part in cut])
+    return _joined(points, np.flatnonzero(kept), [_Parts.of(*part) for part in cut])
 
 
 # What crosses a gap
@@ -100,8 +100,9 @@ def _kinks(law: Law) -> list[float]:
 
 # Parts of a piece
 
-def _cuts(points: ContactPoints, pair: int, told: Sequence[Told]) -> list[tuple[Rows, Floats]]:
-    """Return rows : (n,) of the first point of pieces to be cut, with (n, k) where [1] from the first point's end on.
+def _cuts(points: ContactPoints, pair: int, told: Sequence[Told]) -> list[tuple[Rows, Floats, Floats]]:
+    """Return rows : (n,) of the first point of pieces to be cut, with (n, k) where [1] from the first point's end on,
+    and their gaps (n, 4) [m] as of _gaps.
     """
     first = np.arange(0, points.gap.size, 2)
     apart = (points.pair[first] == pair) & (points.p[first] == 0.0) & (points.p[first + 1] == 0.0)
@@ -130,7 +131,8 @@ def _cuts(points: ContactPoints, pair: int, told: Sequence[Told]) -> list[tuple[
             if not off.any():
                 break
             depth[off] = np.maximum(depth[off], d + 1)
-    return [(first[depth == d], _about(int(d), narrow[depth == d], kinks[depth == d])) for d in np.unique(depth)]
+    return [(first[own], _about(int(d), narrow[own], kinks[own]), gaps[own])
+            for d in np.unique(depth) for own in [depth == d]]
 
 
 def _gaps(points: ContactPoints, first: Rows) -> Floats:
@@ -241,13 +243,13 @@ class _Parts:
         self.first, self.place, self.share, self.gaps = first, place, share, gaps
 
     @classmethod
-    def of(cls, points: ContactPoints, first: Rows, places: Floats) -> _Parts:
-        """Those of pieces : (n,) cut at places : (n, k); parts without a length are none."""
+    def of(cls, first: Rows, places: Floats, gaps: Floats) -> _Parts:
+        """Those of pieces : (n,) cut at places : (n, k), with gaps : (n, 4); parts without a length are none."""
         size = np.diff(places)
         at = (places[:, :-1, None] + size[:, :, None] * POINTS).ravel()
         share = np.repeat(size.ravel(), 2)
         row = np.repeat(np.arange(first.size), 2 * size.shape[1])[share > 0.0]
-        return cls(first[row], at[share > 0.0], share[share > 0.0], _gaps(points, first)[row])
+        return cls(first[row], at[share > 0.0], share[share > 0.0], gaps[row])
 
     def read(self, values: NDArray[Any], name: str) -> NDArray[Any]:
         """Return a field of ContactPoints at the points of the parts."""

@@ -11,9 +11,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
-import numpy as np
-from numpy.typing import NDArray
-
+from coupler.control.contact_status import ContactState, PairNodes, contact_status
 from coupler.schemes.levels import Level
 from coupler.schemes.state import Settings
 
@@ -29,19 +27,19 @@ NEAR, HALVED = 100.0, 2
 class Torn:
     """pairs : name -> its conductance apart and in touch [W/m2K], of those where they differ.
 
-    gap [m] : over which they are joined.  end : of the run [s].  nodes : name -> the pair nodes, (m,) each.
+    gap [m] : over which they are joined.  end : of the run [s].  nodes : name -> the pair.
     """
 
     pairs: Mapping[str, tuple[float, float]] = field(default_factory=dict)
     gap: float = 0.0
     end: float = 0.0
-    nodes: Mapping[str, NDArray[np.intp]] = field(default_factory=dict)
+    nodes: Mapping[str, PairNodes] = field(default_factory=dict)
 
     def near(self, level: Level) -> list[str]:
         """Return the pairs that touch at a level, or all but do."""
-        gap = np.where(level.covered > 0.0, level.gap, np.inf)
-        return [name for name in self.pairs
-                if (level.t_N[self.nodes[name]] < 0.0).any() or (gap[self.nodes[name]] < NEAR * self.gap).any()]
+        stand = {name: contact_status((self.nodes[name],), level, {}) for name in self.pairs}
+        return [name for name, now in stand.items() if now.status[0] is ContactState.CLOSED
+                or any(gap < NEAR * self.gap for gap in now.margins[0])]
 
 
 NOT_TORN = Torn()

@@ -194,4 +194,4 @@ def _torn(scenario: Scenario) -> Torn:
     thermal, interface = scenario.models["thermal"], scenario.interface
     return Torn(torn_pairs(thermal, interface.pairs, mean_T0(thermal, interface)),
                 OF_LENGTH * length_of(interface), scenario.coupling.end,
-                {pair.name: pair.nodes for pair in pair_nodes_of(interface)})
+                {pair.name: pair for pair in pair_nodes_of(interface)})

@@ -18,13 +18,13 @@ from contact.half.register import register_message, search_depth
 from contact.half.signs import wrong_signs
 from contact.half.start import mean_start
 from contact.laws import branch_jump, closed_conductance, gap_factor, open_conductance, parse_law
+from contact.problem.thermal import SIGMA_SB
 from coupler.scenario.si import ZERO_CELSIUS
 
 # Conductances that differ by less than this share at touch join.
 JOINED = 1e-6
 # Heat that ends at gap_max is told where it is more than this share of what crosses in touch.
 LEFT_OUT = 0.01
-STEFAN_BOLTZMANN = 5.670374419e-8  # [W/m2K4]
 NO_CONDUCTANCE = {"law": "constant", "h": 0.0}
 
 Model = Mapping[str, Any]
@@ -210,7 +210,7 @@ def _conductance(spec: Model, model: Model, gap: float, T: float) -> float:
                         for side in ("slave", "master"))
         fade = near.get("gap")
         seen = 1.0 if fade is None else 1.0 - float(gap_factor(gap, fade["d_near"], fade["d_far"]))
-        h += seen * 4.0 * model.get("sigma_SB", STEFAN_BOLTZMANN) * T**3 / (1.0 / eps_s + 1.0 / eps_m - 1.0)
+        h += seen * 4.0 * model.get("sigma_SB", SIGMA_SB) * T**3 / (1.0 / eps_s + 1.0 / eps_m - 1.0)
     return h
 
 

@@ -12,7 +12,6 @@ from itertools import chain
 from typing import Any
 
 from contact.problem.curves import FieldSum, ProfileTable, SignalTable
-from contact.problem.mechanical import ElasticSettings
 from contact.problem.units import unit_from
 from coupler.scenario.scene import parts_of
 from coupler.scenario.schema import ScenarioFile
@@ -72,7 +71,7 @@ def _heat(stated: ScenarioFile) -> Iterator[Load]:
 
 
 def _forces(stated: ScenarioFile) -> Iterator[Load]:
-    elastic = _elastic(stated)
+    elastic = stated.mechanical.elastic
     for boundary in () if elastic is None else elastic.boundary:
         for key in ("pressure", "t_x", "t_y"):
             if (spec := getattr(boundary, key)) is not None:
@@ -81,7 +80,7 @@ def _forces(stated: ScenarioFile) -> Iterator[Load]:
 
 def _weight(stated: ScenarioFile, units: UnitSystem | None) -> Iterator[str]:
     """Gravity whose number is that of another unit of length."""
-    elastic = _elastic(stated)
+    elastic = stated.mechanical.elastic
     if elastic is None or elastic.gravity is None:
         return
     a = unit_from("m/s2").powers
@@ -122,10 +121,6 @@ def _surroundings(stated: ScenarioFile) -> Iterator[str]:
 def _starts(stated: ScenarioFile) -> list[float]:
     """The temperatures at which bodies start, those that are plain numbers [K]."""
     return [float(part.T0) for _, part in parts_of(stated) if isinstance(part.T0, int | float)]
-
-
-def _elastic(stated: ScenarioFile) -> ElasticSettings | None:
-    return getattr(stated.mechanical, "elastic", None)
 
 
 def _numbers(spec: Any) -> tuple[float, ...]:

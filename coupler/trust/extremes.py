@@ -44,7 +44,7 @@ def extreme_outputs(blocks: Iterable[str]) -> list[str]:
     return sorted(n for n in blocks if n.startswith((HIGH_OFF, LOW_OFF)))
 
 
-def due(log: ExtremesLog, windows: int, span: float, at_end: bool, t: float = 1.0, event: float = 0.0) -> bool:
+def due(log: ExtremesLog, windows: int, span: float, at_end: bool, t: float, event: float) -> bool:
     """Whether to look after so many windows, at t [s], at a span of all temperatures so far [K].
 
     at_end : the run is over.  event [s] : when contact changed last; 0: never.

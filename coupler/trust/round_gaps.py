@@ -20,6 +20,7 @@ from contact.arcs import MOST_RISE
 from contact.facing import Cut
 from contact.half.interface import Interface
 from contact.laws import Law, closed_conductance, open_conductance, parse_law
+from coupler.scenario.notes import NO_CONDUCTANCE
 from coupler.schemes.levels import Level
 from coupler.trust.checks import Check, measured
 from coupler.trust.facets import Chords
@@ -28,7 +29,6 @@ Array = NDArray[np.float64]
 
 SHARES = (0.02, 0.2)
 NAME = "edges fine enough for heat across gaps"
-NO_LAW = {"law": "constant", "h": 0.0}
 
 
 @dataclass(frozen=True)
@@ -53,7 +53,8 @@ class RoundGaps:
         self._chords = Chords(interface) if laws else None
         curved = frozenset[str]() if self._chords is None else self._chords.curved
         self._laws: dict[int, tuple[str, Law, Law]] = {
-            k: (pair.name, parse_law(laws[pair.name].get("closed") or NO_LAW), parse_law(laws[pair.name]["open"]))
+            k: (pair.name, parse_law(laws[pair.name].get("closed") or NO_CONDUCTANCE),
+                parse_law(laws[pair.name]["open"]))
             for k, pair in enumerate(interface.pairs) if pair.name in laws and pair.name in curved}
 
     def watched(self, log: RoundGapLog, now: Level, H: float) -> RoundGapLog:

@@ -91,7 +91,7 @@ def test_it_looks_when_temperatures_rise():
     looked, log = [], ExtremesLog()
     for windows in range(1, 201):
         span = 50.0 if 100 <= windows < 105 else 10.0
-        if extremes.due(log, windows, span, at_end=windows == 200):
+        if extremes.due(log, windows, span, windows == 200, t=1.0, event=0.0):
             looked.append(windows)
             log = extremes.watched(log, {"mesh.T_high_off.a": 1.0}, windows, span, float(windows))
     assert looked == [4, 16, 64, 100, 200]
