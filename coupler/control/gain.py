@@ -29,7 +29,7 @@ from numpy.typing import NDArray
 
 from coupler.control.solve_window import SavedStates, SolveOptions
 from coupler.scenario.options import Scheme
-from coupler.schemes.accounts import with_made
+from coupler.schemes.accounts import Foreseen, with_made
 from coupler.schemes.levels import Level, exchanged, weights
 from coupler.schemes.scheme import Exchange, OfLevels
 from coupler.schemes.schemes import scheme_of, with_mode
@@ -217,7 +217,8 @@ class _Look:
         before, span = self.before, self.span
         state = replace(before, accounts=with_made(before.accounts, heat.made, span.times("mechanical"),
                                                    not before.past))
-        thermal = thermal_pass(self.halves, state, span.times("thermal"), (before.now, geometry), NO_WORK, ahead=0.0)
+        thermal = thermal_pass(self.halves, state, span.times("thermal"), (before.now, geometry), NO_WORK,
+                               ahead=Foreseen(0.0))
         return replace(geometry, T=thermal.outputs["T"])
 
     def _after(self, swept: Swept) -> Level:

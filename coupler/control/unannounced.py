@@ -9,6 +9,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from coupler.control.contact_status import ROUND_OFF as TOUCH
 from coupler.schemes.levels import Level, extent
 from coupler.schemes.state import CoupledState
 
@@ -31,6 +32,14 @@ def thin(level: Level) -> float:
     """Return the widest gap that counts as thin [m]."""
     # fault: what is thin is a fixed length -> return 1e-7 | coupler/test_estimate
     return THIN * extent(level)
+
+
+def open_gaps(level: Level) -> float:
+    """The sum of 1/gap^2 over points that face another body and do not touch it [1/m2]; thin ones count as `thin`."""
+    gap = level.gap[np.isfinite(level.gap) & (level.covered > 0.0)]
+    # fault: a gap of round-off is open -> touch = 0.0 | coupler/test_auto
+    touch = TOUCH * extent(level)
+    return float((1.0 / np.maximum(gap[gap > touch], thin(level))**2).sum())
 
 
 def gap_closes(start: Level, end: Level) -> bool:

@@ -34,9 +34,12 @@ I_POWER, P_POWER = 0.8, 0.3
 # Errors below this share of AIM are far below it.  All defaults with 8 times the tolerances: two rods 862 -> 534 calls
 # (4.6 and 5.4 % off), casting_1d to 20 s with its own 386 -> 310 (0.055 and 0.048 %); others the same within 20 %.
 FAR = 0.25
-# A window is at most so many times the last: what is known of the error is known of windows like the last.  Where the
-# error itself would change it by no more than `STAY`, it stays: that gains less than the unrest costs.
-GROW, SHRINK = 2.0, 0.2
+# A window is at most so many times the last: what is known of the error is known of windows like the last.  Where two
+# errors on end are far below AIM, as in the first windows of a run, it may be longer than after one that may be an
+# accident (seizing rod to 1 % 205 calls -> 186, casting_1d 160 -> 120; three times after any error: two windows for one
+# where mechanics come late).  Where the error itself would change it by no more than `STAY`, it stays: that gains less
+# than the unrest costs.
+GROW, GROW_FAR, SHRINK = 2.0, 3.0, 0.2
 # fault: no deadband: the size follows every wiggle of the estimate -> STAY = (1.0, 1.0) | coupler/test_stepsize
 STAY = (0.9, 1.25)
 LEAST_ERROR = 1e-4  # an error of nothing at all is no reason for more than the largest growth
@@ -69,12 +72,14 @@ def proposed(memory: Memory, H: float, error: float | None, order: int, limits: 
     before = memory.error if math.isfinite(memory.error) else now
     # fault: the proportional part of the controller with the wrong sign -> factor = (now / AIM) ** (-I_POWER / k) *
     #   (max(before, LEAST_ERROR) / AIM) ** (-P_POWER / k) | coupler/test_stepsize
-    factor = (now / AIM) ** (-I_POWER / k) * (max(before, LEAST_ERROR) / AIM) ** (P_POWER / k)
+    factor, most = (now / AIM) ** (-I_POWER / k) * (max(before, LEAST_ERROR) / AIM) ** (P_POWER / k), GROW
     if (largest := max(now, before)) < FAR * AIM:
         # fault: windows far below their tolerance grow as if they were near it -> pass | coupler/test_stepsize
         factor = (largest / AIM) ** (-I_POWER / k)
-    # fault: windows grow right after a rejection -> factor = min(max(factor, SHRINK), GROW) | coupler/test_stepsize
-    factor = min(max(factor, SHRINK), 1.0 if memory.failed else GROW)
+        # fault: one error far below its aim may be an accident -> most = GROW_FAR | coupler/test_stepsize
+        most = GROW_FAR if math.isfinite(memory.error) else GROW
+    # fault: windows grow right after a rejection -> factor = min(max(factor, SHRINK), most) | coupler/test_stepsize
+    factor = min(max(factor, SHRINK), 1.0 if memory.failed else most)
     if STAY[0] < (now / AIM) ** (-1.0 / k) < STAY[1]:
         factor = 1.0
     return _within(H * factor, limits), Memory(now)

@@ -21,12 +21,25 @@ AT_ONCE = frozenset(("E_S",))  # a temperature jump at the start of the first su
 
 
 @dataclass(frozen=True)
+class Foreseen:
+    """Heat that goes on as it went is handed over before it is made: that of H [s].
+
+    trend : how far its power is taken along the line through the last two windows (1.0), or held as in the last (0.0).
+    """
+
+    H: float
+    trend: float = 0.0
+
+
+@dataclass(frozen=True)
 class EnergyAccount:
     """Energies [J].  carry : (n_cells,) or (n_q,) made but not yet delivered; < 0: delivered ahead of what was made.
 
     made, delivered : totals over the run.  power : same shape, made in the last window [W]; None: in none yet.
     late : same shape, what of the carry belongs to later times [J] (see `make`); None: nothing.  at_end : it is made
     by the forces at the end of a step, as the half says.
+    slope : same shape, how fast the power changes [W/s]; None: it is not known.  age : from the time that the power is
+    of to the end of the last window [s].
     Energies cross the border, not rates: a rate of one window used over a window of another length loses heat.
     """
 
@@ -36,17 +49,23 @@ class EnergyAccount:
     power: Array | None = None
     late: Array | None = None
     at_end: bool = False
+    slope: Array | None = None
+    age: float = 0.0
 
-    def due(self, H: float) -> Array:
-        """Return the carry, without what belongs to later times, and what H [s] more make at the same power [J], >= 0.
+    def due(self, ahead: Foreseen) -> Array:
+        """Return the carry, without what belongs to later times, and what H [s] more make [J], >= 0.
 
-        H : 0.0 where the window's own heat is in the carry.
+        ahead : its H is 0.0 where the window's own heat is in the carry.
         Nothing is taken back from a place that was handed too much and has been left since: the others are handed so
         much less, so that in all no more is delivered than was made.
         """
         now = self.carry if self.late is None else self.carry - self.late
         # fault: friction heat is not extrapolated -> wanted = now | coupler/test_accounts
-        wanted = now if self.power is None else now + H * self.power
+        wanted = now if self.power is None else now + ahead.H * self.power
+        if self.slope is not None and ahead.trend > 0.0:
+            # fault: power is taken along its line for too long or too short a time -> wanted = wanted + ahead.trend *
+            #   ahead.H * (0.5 * ahead.H) * self.slope | coupler/test_friction_trend
+            wanted = wanted + ahead.trend * ahead.H * (0.5 * ahead.H + self.age) * self.slope
         most, total = np.maximum(wanted, 0.0), float(wanted.sum())
         # fault: what was handed ahead to places left behind is handed on again -> return most | coupler/test_accounts
         return most * (total / float(most.sum())) if total > 0.0 else np.zeros_like(most)
@@ -83,17 +102,20 @@ class EnergyAccount:
         # fault: what belonged to later times is left over when friction ends -> if False: | coupler/test_accounts
         if late is None and self.late is not None:
             carry, made = carry - self.late, made - float(self.late.sum())
-        return replace(self, carry=carry, made=made, power=energy / H, late=late)
+        # fault: power at the end of steps is taken for that of their middle -> age = 0.5 * H |
+        #   coupler/test_friction_trend
+        age = 0.5 * (H - step) if self.at_end else 0.5 * H
+        slope = None if fresh or self.power is None else (energy / H - self.power) / (H - age + self.age)
+        return replace(self, carry=carry, made=made, power=energy / H, late=late, slope=slope, age=age)
 
 
 Accounts = Mapping[str, EnergyAccount]
 
 
-def due(accounts: Accounts, ahead: float | None) -> dict[str, Array]:
+def due(accounts: Accounts, ahead: Foreseen | None) -> dict[str, Array]:
     """Return what is handed over in a window, by block, (n_cells,) or (n_q,) [J].
 
-    ahead [s] : of heat that goes on as it went, what this time makes is handed over before it is made, and what belongs
-    to later times is kept back; None: all that is carried is due.
+    ahead : what belongs to later times is kept back, too; None: all that is carried is due.
     """
     return {n: a.due(ahead) if ahead is not None and n in AHEAD else a.carry for n, a in accounts.items()}
 
@@ -110,7 +132,7 @@ def share_of(handed: Mapping[str, Array], share: float, first: bool) -> dict[str
 
 
 def delivered(accounts: Accounts, handed: Mapping[str, Array], taken: Container[str],
-              ahead: float | None) -> dict[str, EnergyAccount]:
+              ahead: Foreseen | None) -> dict[str, EnergyAccount]:
     """Return the accounts after a thermal half went over a window.
 
     handed : what it was given, by block [J].  taken : blocks it has; one it lacks is carried on.  ahead : as of `due`.

@@ -182,5 +182,20 @@ def closest(times: Sequence[float], end: float, most: float) -> float | None:
     return knots[-1]
 
 
+def foreseen(times: Sequence[float], end: float, most: float) -> float:
+    """Returns the largest trend of what is handed over ahead whose alternating gain is at most `most`; 0.0: none is.
+
+    Power that goes 1, -1, 1 at the ends of windows makes nothing in any of them.  With r, the next window over the
+    last, 1 + r trend of its size is handed over nevertheless, and what was handed over wrongly before, (1 + trend)/r,
+    is taken back at the same time; the gain is this over the half of it that iterates feel.
+    times : as of `weights`.
+    """
+    if len(times) < 2:
+        return 1.0
+    r = (end - times[0]) / (times[0] - times[1])
+    # fault: power of friction is extrapolated however much it feeds back -> return 1.0 | coupler/test_friction_trend
+    return min(max((0.5 * most - 1.0 - 1.0 / r) / (r + 1.0 / r), 0.0), 1.0)
+
+
 def _mixed(a: Sequence[float], b: Sequence[float], share: float) -> tuple[float, ...]:
     return tuple(float(v) for v in (1.0 - share) * np.array(a) + share * np.array(b))

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from coupler.fmu.half import Advance, Answer, Half, Status, begin, seconds_of
 from coupler.scenario.options import Scheme
-from coupler.schemes.accounts import HEATS, Accounts, EnergyAccount, delivered, due, share_of, with_made
+from coupler.schemes.accounts import HEATS, Accounts, EnergyAccount, Foreseen, delivered, due, share_of, with_made
 from coupler.schemes.ledger import NO_TERMS, PREFIX
 from coupler.schemes.levels import Level, Slope, between, exchanged, geometry_at
 from coupler.schemes.state import (
@@ -116,7 +116,7 @@ class Leading(Protocol):
 
 
 def thermal_pass(halves: Halves, state: CoupledState, times: list[float], slope: Slope | Leading | None, done: Work,
-                 at_end: bool = False, ahead: float | None = None) -> Pass:
+                 at_end: bool = False, ahead: Foreseen | None = None) -> Pass:
     """The thermal half over the window, given the carried heat: spread evenly in time, the entropy part at once.
 
     times : of its substeps [s].  slope : how x and t_N move; each substep is given them at its middle, or at its end.
@@ -126,7 +126,7 @@ def thermal_pass(halves: Halves, state: CoupledState, times: list[float], slope:
 
 
 def _thermal(halves: Halves, state: CoupledState, times: list[float], slope: Slope | Leading | None, done: Work,
-             at_end: bool = False, ahead: float | None = None) -> Substeps:
+             at_end: bool = False, ahead: Foreseen | None = None) -> Substeps:
     H, sent, work = times[-1] - times[0], state.sent, done
     handed = due(state.accounts, ahead)
     terms: list[dict[str, float]] = []
@@ -342,16 +342,17 @@ class Swept:
 
 
 def thermal_first(halves: Halves, state: CoupledState, span: Span, slope: Slope | Leading | None,
-                  ahead: bool = False) -> Swept:
+                  trend: float | None = None) -> Swept:
     """Thermal, then mechanics with the new T.  Heat made in the window is due in the next.
 
-    ahead : heat that goes on as in the last window is delivered in this one, and the difference in the next.
+    trend : of heat that goes on as it went (coupler.schemes.accounts): it is delivered in this window, and the
+    difference in the next; None: it is not.
     """
-    H = span.end - state.now.t
-    thermal = thermal_pass(halves, state, span.times("thermal"), slope, NO_WORK, ahead=H if ahead else None)
+    ahead = None if trend is None else Foreseen(span.end - state.now.t, trend)
+    thermal = thermal_pass(halves, state, span.times("thermal"), slope, NO_WORK, ahead=ahead)
     mechanical = mechanical_pass(halves, replace(state, sent=thermal.sent), span.times("mechanical"),
                                  thermal.outputs, thermal.work)
-    fresh = not (ahead and state.past)
+    fresh = ahead is None or not state.past
     accounts = with_made(thermal.accounts, mechanical.made, span.times("mechanical"), fresh)
     return _swept(state, span, thermal, mechanical, accounts)
 
@@ -389,7 +390,7 @@ def mechanical_first(halves: Halves, state: CoupledState, span: Span, end: Mappi
     slope = (state.now, _level(state.now, span, {}, mechanical.outputs))
     # fault: mechanics first, but thermal on the geometry of the start -> thermal = thermal_pass(halves, made,
     #   span.times("thermal"), None, mechanical.work, at_end) | coupler/test_schemes
-    thermal = thermal_pass(halves, made, span.times("thermal"), slope, mechanical.work, at_end, ahead=0.0)
+    thermal = thermal_pass(halves, made, span.times("thermal"), slope, mechanical.work, at_end, ahead=Foreseen(0.0))
     return _swept(state, span, mechanical, thermal, thermal.accounts)
 
 

@@ -13,7 +13,7 @@ from coupler.control.loop import Plan, windows
 from coupler.fmu.half import Block
 from coupler.running.setup import accounts_of, what_is_missing
 from coupler.scenario.options import Scheme, WindowRange
-from coupler.schemes.accounts import EnergyAccount, delivered, share_of
+from coupler.schemes.accounts import EnergyAccount, Foreseen, delivered, share_of
 from coupler.schemes.ledger import Ledger, imbalance
 from coupler.schemes.levels import Level
 from coupler.schemes.schedule import schedule
@@ -31,14 +31,14 @@ def test_places_left_behind_are_paid_for_by_the_others():
     Two blocks of which both sides rub were warmed by 0.25 % more than was made.
     """
     account = EnergyAccount(np.array([5.0, -3.0, 0.0]))
-    assert account.due(0.0) == pytest.approx([2.0, 0.0, 0.0])
-    paid = account.deliver(account.due(0.0), None)
+    assert account.due(Foreseen(0.0)) == pytest.approx([2.0, 0.0, 0.0])
+    paid = account.deliver(account.due(Foreseen(0.0)), None)
     assert paid.carry.sum() == 0.0
-    assert not paid.due(0.0).any()
+    assert not paid.due(Foreseen(0.0)).any()
     rubs = EnergyAccount(np.array([1.0, -3.0, 0.0]), power=np.array([2.0, 0.0, 2.0]))
-    assert rubs.due(1.0).sum() == pytest.approx(2.0)
-    assert rubs.due(1.0)[1] == 0.0
-    assert not EnergyAccount(np.array([1.0, -3.0])).due(0.0).any()
+    assert rubs.due(Foreseen(1.0)).sum() == pytest.approx(2.0)
+    assert rubs.due(Foreseen(1.0))[1] == 0.0
+    assert not EnergyAccount(np.array([1.0, -3.0])).due(Foreseen(0.0)).any()
 
 
 SURFACE = Block("contact.E_friction", (2,), "J", "input", "Real")

@@ -161,11 +161,11 @@ def test_what_drives_itself_on_is_followed_by_windows_solved_once():
     assert "drives itself on" in tried[1].reason
 
 
-def solved(scheme: Scheme, T: float, history: IterationHistory | None = None, touching: float = 0.0) -> Solved:
-    """A window of 1 s that ends at T."""
-    end = replace(start(T, 0.0).now, t=3.0)
-    return Solved(Verdict.ACCEPTED, "", replace(start(T, 0.0), now=end), (), Work(), {"touching": touching}, history,
-                  scheme=scheme)
+def solved(scheme: Scheme, T: float, history: IterationHistory | None = None, touching: int = 0) -> Solved:
+    """A window of 1 s that ends at T, with so many pair nodes under pressure."""
+    end = replace(start(T, 0.0).now, t=3.0, t_N=np.repeat([-1.0, 0.0], [touching, 20 - touching]) if touching else
+                  np.zeros(0))
+    return Solved(Verdict.ACCEPTED, "", replace(start(T, 0.0), now=end), (), Work(), {}, history, scheme=scheme)
 
 
 def at_two() -> object:
@@ -245,9 +245,11 @@ def test_rho_is_asked_for_where_it_is_not_known():
     assert choose(forgotten(known), state, 1.0).scheme is Scheme.ITERATED
     assert choose(replace(known, rho=0.6), state, 1.0).scheme is Scheme.ITERATED
     assert choose(replace(known, rho=0.5), state, 1.0).extrapolation == DAMPED
-    touched = learn(known, state, solved(Scheme.EXTRAPOLATED, 900.0, touching=1.0), 1.0)
+    bare = replace(state, **{"now": replace(state.now, t_N=np.zeros(20)),
+                             "past": tuple(replace(level, t_N=np.zeros(20)) for level in state.past)})
+    touched = learn(known, bare, solved(Scheme.EXTRAPOLATED, 900.0, touching=1), 1.0)
     assert math.isnan(touched.rho)
-    slid = learn(replace(known, touching=20.0), state, solved(Scheme.EXTRAPOLATED, 900.0, touching=19.0), 1.0)
+    slid = learn(replace(known, touching=20), bare, solved(Scheme.EXTRAPOLATED, 900.0, touching=19), 1.0)
     assert slid.rho == 0.1
 
 

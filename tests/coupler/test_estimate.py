@@ -290,11 +290,6 @@ def test_ratios_that_agree_make_the_next_measurement_wait() -> None:
     assert error_estimate.forgotten(passed) == Memory(changed=passed.changed)
 
 
-def test_a_ratio_found_much_smaller_is_believed_by_and_by() -> None:
-    told = [m.ratios["temperature"] for m in measured_after(Measured(RATIOS, 1.0), [0.01] * 4)]
-    assert told == pytest.approx([0.25, 0.125, 0.0625, 0.03125])
-
-
 def test_every_scheme_has_ratios_of_its_own() -> None:
     """A window that was iterated to measure the contraction leaves what is known of those before it."""
     levels = [level(t, 900.0 + t * t) for t in (3.0, 2.0, 1.0)]

@@ -10,6 +10,7 @@ import pytest
 from coupler.control.window_size import (
     AIM,
     GROW,
+    GROW_FAR,
     SHRINK,
     Memory,
     StepLimits,
@@ -63,6 +64,8 @@ def test_far_below_its_aim_one_window_leads_near_it(order: int) -> None:
 
 def test_limits() -> None:
     assert proposed(Memory(), 1.0, 0.0, 2, WIDE)[0] == GROW
+    assert proposed(Memory(1e-4), 1.0, 0.0, 2, WIDE)[0] == GROW_FAR
+    assert proposed(Memory(AIM), 1.0, 0.0, 2, WIDE)[0] == GROW
     assert proposed(Memory(), 1.0, 1e9, 2, WIDE)[0] == SHRINK
     assert proposed(Memory(), 1.0, 0.0, 2, StepLimits(0.1, 1.5))[0] == 1.5
     assert proposed(Memory(), 1.0, 1e9, 2, StepLimits(0.5, 1.5))[0] == 0.5

@@ -1,0 +1,92 @@
+"""What a ratio of an error is worth: of two nothings, found small twice, and of windows after one kept in halves."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Mapping
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+sys.path.insert(0, str(Path(__file__).resolve().parent))
+
+from test_estimate import RATIOS, X, known_of, level, measured_after, ratio_of, solved_at, told
+
+from coupler.control import error_estimate
+from coupler.control.error_estimate import DECIDES, LIKE, Estimate, Measured, Memory
+from coupler.scenario.options import ErrorTolerances, Iteration, Scheme, Tolerance
+
+LEVELS = [level(t, 900.0 + t * t) for t in (3.0, 2.0, 1.0)]  # H^2 T'' = 2 K
+
+
+def carried(memory: Memory, tolerance: float = 1.0) -> Estimate | None:
+    """The error carried on to the last of the levels."""
+    before, solved = solved_at(LEVELS[1], (LEVELS[2],)).state, solved_at(LEVELS[0], tuple(LEVELS[1:]))
+    allowed = ErrorTolerances(temperature=Tolerance(atol=tolerance, rtol=0.0),
+                              displacement=Tolerance(atol=1.0, rtol=0.0))
+    return error_estimate.estimate(memory, before, solved, allowed, Iteration())
+
+
+def known(shares: Mapping[str, float]) -> Memory:
+    return known_of(Measured(RATIOS, 1.0, shares=shares))
+
+
+def test_an_error_that_was_nothing_when_it_was_measured_does_not_size_windows() -> None:
+    """1 K of a tolerance of 1 K, told by a ratio that was found at a thousandth of it, is measured first."""
+    assert carried(known({"temperature": 1e-3})) is None
+    assert carried(known({"temperature": 1.01 / LIKE})) is not None
+    # Below what decides, or where nothing else is known, it is as it is told.
+    assert carried(known({"temperature": 1e-3}), tolerance=1.01 / DECIDES) is not None
+    assert carried(known({})) is not None
+
+
+def test_a_ratio_that_two_measurements_on_end_find_small_is_believed() -> None:
+    """Heat that had just begun to cross was told to be off by 0.4 of its tolerance through 30 windows: 6e-5 of it."""
+    told = [m.ratios["temperature"] for m in measured_after(Measured(RATIOS, 1.0), [0.01, 0.02, 0.01])]
+    assert told == pytest.approx([0.25, 0.02, 0.01])
+    # One of the two may be an error that just passes through 0.
+    told = [m.ratios["temperature"] for m in measured_after(Measured(RATIOS, 1.0), [0.5, 0.0, 0.5])]
+    assert told == pytest.approx([0.5, 0.25, 0.5])
+
+
+def in_halves(error: float) -> tuple[Memory, Estimate]:
+    """What is known after a window kept in halves whose answer in one was off by so much more [K]."""
+    before, halves = solved_at(LEVELS[1], (LEVELS[2],)).state, solved_at(LEVELS[0], tuple(LEVELS[1:]))
+    one = replace(LEVELS[0], T=LEVELS[0].T + np.array([error / 1.5, 0.0]))
+    solved = replace(halves, whole=solved_at(one, tuple(LEVELS[1:])))
+    found = error_estimate.estimate(Memory(), before, solved, ErrorTolerances(
+        temperature=Tolerance(atol=1.0, rtol=0.0)), Iteration())
+    assert found is not None
+    return error_estimate.after(Memory(), before, solved, found), found
+
+
+def test_after_a_window_kept_in_halves_one_in_one_is_held_against_one_in_one() -> None:
+    """It is off by 6 K itself where T bends by 2 K: by 3 times its bend, and its own end bends by 2 + 4 K.
+
+    Carried on by 3 it was told to be off by 18 K, measured again each time, and never left in one.
+    """
+    memory, found = in_halves(6.0)
+    assert memory.halved
+    assert found.ratios["temperature"] == pytest.approx(3.0)
+    assert found.first["temperature"] == pytest.approx(1.0)
+    levels = [replace(level(t, 900.0 + t * t)) for t in (4.0, 3.0, 2.0)]
+    off = [replace(levels[0], T=levels[0].T + np.array([4.0, 0.0])), *levels[1:]]
+    assert told(memory, off).errors["temperature"] == pytest.approx(6.0)
+    # Once windows are in one again, all of them are off alike, and T bends as it does.
+    later = error_estimate.after(memory, solved_at(levels[1], (levels[2],)).state, solved_at(levels[0], ()), None)
+    assert not later.halved
+    assert told(later, levels).errors["temperature"] == pytest.approx(6.0)
+
+
+def test_what_comes_late_is_no_error_of_windows_in_one() -> None:
+    before, halves = (solved_at(at, past, scheme=Scheme.PARALLEL) for at, past in (
+        (LEVELS[1], (LEVELS[2],)), (LEVELS[0], tuple(LEVELS[1:]))))
+    found = replace(told(ratio_of(1.0, scheme=Scheme.PARALLEL), LEVELS, scheme=Scheme.PARALLEL), ratios=RATIOS,
+                    first=RATIOS)
+    after = error_estimate.after(Memory(), before.state, halves, found)
+    assert after.halved
+    assert not after.of(Scheme.PARALLEL).first
+    assert after.of(Scheme.PARALLEL).ratios == RATIOS
+    assert error_estimate.after(Memory(), before.state, replace(halves, scheme=X), found).of(X).first == RATIOS
