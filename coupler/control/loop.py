@@ -102,6 +102,20 @@ def _adaptive(plan: Plan, limits: Adaptive, control: ControlState) -> Proposal:
     return Proposal(k1, reason)
 
 
+def _followed(plan: Plan, at: Committed, proposal: Proposal) -> Proposal:
+    """The window, ended before one surface passes another unseen (coupler.trust.ways)."""
+    if plan.adaptive is None or plan.ways is None:
+        return proposal
+    clock, k0 = plan.schedule.clock, at.control.tick
+    t0, t1 = clock.seconds(k0), clock.seconds(proposal.k1)
+    # fault: windows outrun the motion of bodies -> end = t1 | coupler/test_trust_ways
+    end = plan.ways.longest(at.state.now.x, t0, t1)
+    if end >= t1:
+        return proposal
+    k1 = k0 + max(int(_ticks(plan, max(end - t0, plan.adaptive.least))), 1)
+    return Proposal(min(k1, proposal.k1), "no surface is to pass another unseen")
+
+
 def _ticks(plan: Plan, seconds: float) -> float:
     """Ticks of a time, not rounded; inf stays."""
     return seconds / plan.schedule.clock.seconds(plan.last) * plan.last
@@ -339,7 +353,7 @@ def _turning(window: _Taken, solved: Solved) -> Turning | None:
 def _span(at: Committed, plan: Plan) -> tuple[Span, str]:
     """The window to try, ended where an event is expected; and why it is so long."""
     control = at.control
-    proposal = propose(plan, control)
+    proposal = _followed(plan, at, propose(plan, control))
     span = Span(plan.schedule.clock, control.tick, proposal.k1, control.settings.substeps)
     if not plan.locate.on or control.failures:
         return span, proposal.reason

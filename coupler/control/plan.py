@@ -20,6 +20,7 @@ from coupler.scenario.rule_model import Rule
 from coupler.schemes.levels import Level
 from coupler.schemes.schedule import Schedule
 from coupler.schemes.state import Settings
+from coupler.trust.ways import Ways
 
 
 @dataclass(frozen=True)
@@ -59,7 +60,8 @@ class Plan:
     steady : stop once max |dT/dt| stays below this [K/s]; 0: never.  probed : a level -> the values of the probes.
     watched : a level, at which the halves are -> (n,) in SI of what errors are estimated; (0,): of nothing.
     steady_data : whether no datum and no rule changes with time what acts on the scene.
-    latent : the largest latent heat over heat capacity [K]; 0: nothing melts.
+    latent : the largest latent heat over heat capacity [K]; 0: nothing melts.  ways : how surfaces pass each other, on
+    motions that the scene states; None: nobody looks.
     steady_T : whether temperatures are those of a steady state at any time.
     mechanical : (n,) which of those the mechanical half makes; (0,): none.  cells : of each body, of the scene's mesh.
     pairs : the pair nodes of each pair.  torn : those whose conductance jumps at touch.
@@ -84,6 +86,7 @@ class Plan:
     steady_T: bool = False
     torn: Torn = NOT_TORN
     latent: float = 0.0
+    ways: Ways | None = None
 
     @property
     def settings(self) -> Settings:

@@ -51,7 +51,8 @@ class Observer:
         self._watch = TrustWatch(interface, scenario.models, units, adaptive, scenario.own_meshes,
                                  () if scenario.stated is None else scenario.stated.thermal.ignore,
                                  scenario.coupling.substeps["mechanical"],
-                                 scenario.coupling.scheme is Scheme.ITERATED, _fits(scenario))
+                                 scenario.coupling.scheme is Scheme.ITERATED, _fits(scenario),
+                                 scenario.coupling.substeps["thermal"])
         self.watched = self.probes.measurable if units else self._watch.means
         self.conditions = ConditionReader(scenario.conditions, self._both)
         self.outputs = ExtraOutputs(halves, interface)

@@ -40,6 +40,7 @@ from coupler.trust import (
     tables,
     temperatures,
     unpaired,
+    ways,
 )
 from coupler.trust.checks import Check, measured
 from coupler.trust.errors import Looked
@@ -83,6 +84,7 @@ class TrustLog:
     motion: motion.MotionLog = field(default_factory=motion.MotionLog)
     instants: instants.InstantLog = field(default_factory=instants.InstantLog)
     skipped: skipped.SkippedLog = field(default_factory=skipped.SkippedLog)
+    ways: ways.WaysLog = field(default_factory=ways.WaysLog)
     windows: int = 0
     forced: int = 0
     forced_t: float = 0.0
@@ -96,11 +98,12 @@ class TrustWatch:
     def __init__(self, interface: Interface, models: Mapping[str, Mapping[str, Any]],
                  probes: Mapping[str, str] | None = None, adaptive: bool = False,
                  own_meshes: Collection[str] = (), ignored: Collection[str] = (), substeps: int = 1,
-                 iterated: bool = False, fits: Mapping[str, Any] | None = None) -> None:
+                 iterated: bool = False, fits: Mapping[str, Any] | None = None, looks: int = 1) -> None:
         """models : of the halves (model.json).  probes : name -> unit; none: mean temperatures of bodies stand for
         them (`means`).  adaptive : whether windows find their own size.  own_meshes : the roles of halves on one.
         ignored : paths of the scene that the thermal half may leave out.  substeps : of the mechanical half in a
-        window.  iterated : whether every window is.  fits : pair -> its clearance or interference, as stated.
+        window.  iterated : whether every window is.  fits : pair -> its clearance or interference, as stated.  looks :
+        substeps of the thermal half in a window.
         """
         self._iterated = iterated
         self._own_meshes = frozenset(own_meshes)
@@ -120,6 +123,7 @@ class TrustWatch:
         self._stored = stored.StoredHeat(interface, models["thermal"], "thermal" in self._own_meshes,
                                          ignored)
         self._placed = skipped.PlacedData(interface, models["thermal"])
+        self._ways = ways.Ways(interface, models["mechanical"], looks)
         self._at_nodes = at_nodes.checks(interface, models["thermal"], models["mechanical"], fits)
         self._motion = motion.Motion(models["mechanical"], interface, substeps)
         self._prescribed = models["mechanical"].get("half") == "rigid"
@@ -167,7 +171,7 @@ class TrustWatch:
             penetration=self._yields.watched(log.penetration, now),
             facets=log.facets if self._prescribed else self._facets.watched(log.facets, now),
             round_gaps=self._round_gaps.watched(log.round_gaps, now, now.t - before.t),
-            skipped=self._placed.watched(log.skipped, before, now),
+            skipped=self._placed.watched(log.skipped, before, now), ways=self._ways.watched(log.ways, before, now),
             carried=carried.watched(log.carried, monitors.get(f"thermal.{OFF_MESH}"), now.t),
             shapes=carried.watched(log.shapes, shape_off, now.t, 0.0 if shape_off is None else self._deformed(now)),
             across=across.watched(log.across, monitors.get(f"thermal.{ACROSS}"), now.t),
@@ -246,6 +250,7 @@ class TrustWatch:
             *equilibrium.checks(log.equilibrium),
             *self._motion.checks(log.motion),
             *self._placed.checks(log.skipped),
+            *self._ways.checks(log.ways),
             *self._at_nodes,
             measured("heat balance", off, BALANCE,
                      what=f"a fraction of {off:.2g} of the heat moved is not accounted for",

@@ -1,0 +1,251 @@
+"""How far surfaces of a pair pass each other within a window, on motions that the scene states.
+
+The halves look for what faces what at single times of a window.  A surface that moves past another by more than its
+own length between two of them may never be seen to face it: a hot block swept over a pin left it cold, an arm that
+turned twice in a window met its pad by chance, and a ring that turned by more than half a turn slipped backwards.  A
+window of half the size passes as well, so that no comparison of the two tells.  The motions themselves do: adaptive
+windows are no longer than surfaces that may face take for SHARE of the shorter one (coupler.control.loop), and a row of
+the trust table judges windows of any size.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from contact.half.functions import Field, Signal, field_from, signal_from
+from contact.half.interface import Interface
+from contact.half.turns import rotated
+from coupler.schemes.levels import Level
+from coupler.trust.checks import Check, measured
+
+Array = NDArray[np.float64]
+Indices = NDArray[np.intp]
+
+NAME = "surfaces pass each other in time"
+# Of the shorter surface, in one window: a half is seen in two windows or more, however it comes; past a whole one
+# what lies on the way may be missed.
+SHARE, LIMIT = 0.5, 1.0
+ROUND = 1e-9  # a window of just SHARE is none beyond it
+# A turn that counts as much as a whole length [rad]: from some 80 degrees on slip is no longer followed along the
+# master, whose edges turn their backs (contact/slip.py).
+WHOLE_TURN = 2.0
+PIECES = 256  # of a way, looked at ahead: whoever comes nearer later is seen by a window that begins later
+HALF_TURN = math.pi
+
+
+@dataclass(frozen=True)
+class Motion:
+    """What a scene states of a body.  X : (1, 2) [m], the mean of its nodes.  until : [s], when it is let go.
+
+    moves : the displacement, of each component what its conditions prescribe.  turn, about : [rad], (2,) [m].
+    carried : whether the point that it turns about moves with the body.
+    """
+
+    X: Array
+    nodes: Indices
+    moves: tuple[tuple[tuple[Field, float], ...], tuple[tuple[Field, float], ...]]
+    turn: Signal | None = None
+    about: Array = field(default_factory=lambda: np.zeros(2))
+    carried: bool = False
+    until: float = math.inf
+
+    def pole(self, x: Array, t: float) -> Array:
+        """Return (2,) [m], what it turns about at t [s].  x : then."""
+        if not self.carried:
+            return self.about
+        if all(self.moves):
+            return self.about + self.moved(0.0, t)
+        return np.asarray(self.about + x[self.nodes].mean(axis=0) - self.X[0])
+
+    def moved(self, t0: float, t1: float) -> Array:
+        """Return (2,) [m], by how much it is displaced from just after t0 to just before t1 [s]."""
+        return np.array([_mean([float(f.at(self.X, min(t1, end), -1)[0] - f.at(self.X, min(t0, end))[0])
+                                for f, end in fields]) for fields in self.moves])
+
+    def turned(self, t0: float, t1: float) -> float:
+        """Return by how much it turns in that time [rad]."""
+        if self.turn is None:
+            return 0.0
+        return self.turn.at(min(t1, self.until), -1) - self.turn.at(min(t0, self.until))
+
+
+@dataclass(frozen=True)
+class _Passing:
+    """A pair of two bodies, of which one moves past the other.
+
+    sides : the nodes of each surface.  motions : of their bodies, None: no motion is stated.  length : of the shorter
+    surface [m].  reach : how far apart they still interact [m].
+    """
+
+    name: str
+    sides: tuple[Indices, Indices]
+    motions: tuple[Motion | None, Motion | None]
+    length: float
+    reach: float
+
+
+@dataclass(frozen=True)
+class WaysLog:
+    """share : the largest way past the shorter surface over its length, of `pair`, in the window from t0 to t [s]."""
+
+    share: float = 0.0
+    pair: str = ""
+    t0: float = 0.0
+    t: float = 0.0
+
+
+class Ways:
+    """The pairs of a scene whose bodies are told how to move past each other."""
+
+    def __init__(self, interface: Interface, model: Mapping[str, Any], looks: int = 1) -> None:
+        """model : of the mechanical half (model.json).  looks : at the geometry in a window, of the thermal half."""
+        self._looks = looks
+        motions = dict(_stated(interface, model))
+        self._passings = tuple(_passings(interface, motions))
+
+    def longest(self, x: Array, t0: float, t1: float) -> float:
+        """Return when a window from t0 has to end [s], at most t1, so that it passes nothing unseen.  x : at t0."""
+        ends = [self._end(p, x, t0, t1) for p in self._passings]
+        return min(ends, default=t1)
+
+    def _end(self, p: _Passing, x: Array, t0: float, t1: float) -> float:
+        share, _ = _share(p, x, t0, t1)
+        if share <= SHARE * (1.0 + ROUND):
+            return t1
+        piece = (t1 - t0) * SHARE / share
+        pieces = min(math.ceil((t1 - t0) / piece), PIECES)
+        first = next((i for i in range(pieces) if _near(p, x, t0, t0 + i * piece, t0 + (i + 1) * piece)), pieces)
+        return min(t0 + max(first, 1) * piece, t1)
+
+    def watched(self, log: WaysLog, before: Level, now: Level) -> WaysLog:
+        """Return the log after a window."""
+        for p in self._passings:
+            whole, turn = _share(p, before.x, before.t, now.t)
+            # Between looks the path of a body is known up to half a turn.
+            share = whole / (self._looks if turn < HALF_TURN else 1)
+            # fault: what never comes near is told to have been passed -> if share > log.share: |
+            #   coupler/test_trust_ways
+            if share > log.share and self._meets(p, before, now, whole):
+                log = WaysLog(share, p.name, before.t, now.t)
+        return log
+
+    def _meets(self, p: _Passing, before: Level, now: Level, share: float) -> bool:
+        pieces = min(max(math.ceil(share / SHARE), 1), PIECES)
+        times = np.linspace(before.t, now.t, pieces + 1).tolist()
+        return any(_near(p, before.x, before.t, a, b) for a, b in pairwise(times))
+
+    def checks(self, log: WaysLog) -> tuple[Check, ...]:
+        """Return the row at the end, where surfaces were told to pass each other."""
+        if not log.pair:
+            return ()
+        times = max(2, math.ceil(log.share / SHARE))
+        return (measured(NAME, log.share, (SHARE * (1.0 + ROUND), LIMIT), t=log.t,
+                         what=f"pair {log.pair}: in the window from t = {log.t0:.6g} to {log.t:.6g} s one surface "
+                              f"moves past the other by {log.share:.3g} times the length of the shorter one; what "
+                              "they face in between is not seen, so heat, pressure and friction there may be missed",
+                         remedy=f"Use windows {times} times as short while these surfaces move past each other "
+                                "(coupling.windows, coupling.adaptive.least), or leave coupling.windows out: adaptive "
+                                "windows follow the motion"),)
+
+
+def _passings(interface: Interface, motions: Mapping[str, Motion]) -> Iterator[_Passing]:
+    for pair in interface.pairs:
+        one, other = (name.partition(".")[0] for name in (pair.slave, pair.master))
+        a, b = motions.get(one), motions.get(other)
+        if pair.tied or one == other or (a is None and b is None):
+            continue
+        sides = tuple(np.unique(interface.surfaces[name]).astype(np.intp) for name in (pair.slave, pair.master))
+        length = min(float(np.linalg.norm(np.ptp(interface.nodes[nodes], axis=0))) for nodes in sides)
+        yield _Passing(pair.name, (sides[0], sides[1]), (a, b), length, pair.gap_max)
+
+
+def _share(p: _Passing, x: Array, t0: float, t1: float) -> tuple[float, float]:
+    """Return how far one side passes the other, in lengths of the shorter, and the larger turn [rad].  x : at t0."""
+    a, b = p.motions
+    if a is not None and b is not None and _same(a, b, t0, t1):
+        # fault: bodies that move as one pass each other -> pass | coupler/test_trust_ways
+        return 0.0, 0.0
+    moves = [np.zeros(2) if m is None else m.moved(t0, t1) for m in p.motions]
+    way, most = float(np.linalg.norm(moves[0] - moves[1])), 0.0
+    for motion, nodes in zip(p.motions, p.sides, strict=True):
+        turn = 0.0 if motion is None else abs(motion.turned(t0, t1))
+        if motion is not None and turn > 0.0:
+            way += turn * float(np.linalg.norm(x[nodes] - motion.pole(x, t0), axis=1).max())
+            most = max(most, turn)
+    # fault: a ring may turn as far in a window as its size allows -> return way / p.length, most |
+    #   coupler/test_trust_ways
+    return max(way / p.length, most / WHOLE_TURN), most
+
+
+def _same(a: Motion, b: Motion, t0: float, t1: float) -> bool:
+    """Whether two bodies move as one in that time."""
+    turns = a.turned(t0, t1), b.turned(t0, t1)
+    about = turns[0] == 0.0 or bool((a.about == b.about).all())
+    return turns[0] == turns[1] and about and bool((a.moved(t0, t1) == b.moved(t0, t1)).all())
+
+
+def _near(p: _Passing, x: Array, start: float, t0: float, t1: float) -> bool:
+    """Whether the boxes that both sides sweep from t0 to t1 come within reach.  x : at `start` [s]."""
+    boxes = [_swept(motion, x, nodes, (start, t0, t1)) for motion, nodes in zip(p.motions, p.sides, strict=True)]
+    (low, high), (below, above) = boxes
+    return bool((low - p.reach <= above).all() and (below - p.reach <= high).all())
+
+
+def _swept(motion: Motion | None, x: Array, nodes: Indices, times: tuple[float, float, float]) -> tuple[Array, Array]:
+    """Return the corners of the box that nodes sweep: their places at both ends, and what an arc bulges by between.
+
+    x : at the first of the times; the box is that of the time between the others [s].
+    """
+    x0 = x[nodes]
+    if motion is None:
+        return x0.min(axis=0), x0.max(axis=0)
+    (start, *ends), pole = times, motion.pole(x, times[0])
+    # What a turn adds to a node, as Turn.displaced.
+    at = [x0 + motion.moved(start, t) for t in ends]
+    both = np.concatenate([y + rotated(y - pole, motion.turned(start, t)) for y, t in zip(at, ends, strict=True)])
+    arc, radius = abs(motion.turned(*ends)), float(np.linalg.norm(x0 - pole, axis=1).max())
+    bulge = radius * (1.0 - math.cos(min(arc, HALF_TURN) / 2.0))
+    return both.min(axis=0) - bulge, both.max(axis=0) + bulge
+
+
+def _stated(interface: Interface, model: Mapping[str, Any]) -> Iterator[tuple[str, Motion]]:
+    """Yield the body and the motion of each that is told how to move."""
+    for number, name in enumerate(interface.bodies):
+        nodes = np.flatnonzero(interface.node_body == number).astype(np.intp)
+        X = interface.nodes[nodes].mean(axis=0)[None]
+        given = (model.get("motion") or {}).get(name)
+        entries = [dict(given)] if given is not None else [
+            c for c in model.get("boundary", ()) if _body_of(c) == name]
+        moves = tuple(tuple((field_from(c[key]), _until(c)) for c in entries if c.get(key) is not None)
+                      for key in ("u_x", "u_y"))
+        turn, about, until, carried = None, np.zeros(2), math.inf, False
+        for c in entries:
+            if c.get("rotation") is not None:
+                turn, about, until = signal_from(c["rotation"]["angle"]), np.array(c["rotation"]["about"]), _until(c)
+            elif c.get("angle") is not None:
+                reference = ((model.get("bodies") or {}).get(name) or {}).get("reference")
+                turn, until, carried = signal_from(c["angle"]), _until(c), True
+                about = X[0] if reference is None else np.array(reference)
+        if turn is not None or any(moves):
+            yield name, Motion(X, nodes, (moves[0], moves[1]), turn, np.asarray(about, dtype=float), carried, until)
+
+
+def _body_of(condition: Mapping[str, Any]) -> str:
+    return str(condition.get("body") or (condition.get("on") or condition.get("at") or "").partition(".")[0])
+
+
+def _until(condition: Mapping[str, Any]) -> float:
+    """Return when a condition is let go [s]; one that a pair ends is taken to hold."""
+    until = condition.get("until")
+    return float(until) if isinstance(until, int | float) else math.inf
+
+
+def _mean(values: list[float]) -> float:
+    return sum(values) / len(values) if values else 0.0
