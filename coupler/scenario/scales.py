@@ -6,6 +6,7 @@ A fixed number of kelvin or metres is nothing in one scene and all of it in anot
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from typing import Any, TypeVar
@@ -40,6 +41,8 @@ FINER_T, FINER_X = 0.003, 0.01
 MOST_LEFT = 0.3  # of what a window may err by; beyond it windows become short for what iterations leave
 # What rounding leaves, of the length and of the highest temperature: no tolerance is less.
 ROUND_OFF = 1e-11
+# What solvers leave of what is 0, of the modulus, of it times a length, of the length: a stress of 20 Pa in steel.
+OF_NOTHING = 1e-10
 # Gaps at which laws are looked at, of the length.
 GAPS = np.concatenate([[0.0], np.geomspace(1e-8, 1.0, 200)])
 # Of a scene that does not say, in K, m, J and Pa: of 0 K alone, of one node, without heat capacity or modulus.
@@ -129,6 +132,24 @@ def _filled(given: AnyTolerances, scales: Mapping[str, tuple[float, float]], doc
     return given.changed(**made)
 
 
+def left_of_nothing(interface: Interface, models: Mapping[str, Mapping[str, Any]]) -> dict[str, float]:
+    """Return by unit [SI] what solvers and rounding may leave of a quantity that is 0 by symmetry or statics.
+
+    models : role -> model.json.  A unit of which the scene does not say how large it is has no entry.
+    """
+    length, turn = length_of(interface), 2.0 * math.pi if interface.axisymmetric else 1.0
+    moduli = list(_moduli(models["mechanical"]))
+    conducts = [_largest(m["k"]) for m in models["thermal"].get("materials", {}).values() if m.get("k") is not None]
+    left = {"m": length, "1": 1.0}
+    if moduli:
+        # Per metre of depth; in a scene around an axis for the whole turn.
+        depth = turn * length if interface.axisymmetric else 1.0
+        left |= {"Pa": max(moduli), "N": max(moduli) * length * depth, "N m": max(moduli) * length**2 * depth}
+    if conducts:
+        left["W/m2"] = max(conducts) * NO_T / length
+    return {unit: OF_NOTHING * size for unit, size in left.items()}
+
+
 def _parts(model: Mapping[str, Any]) -> Iterator[tuple[str, Mapping[str, Any]]]:
     """Each body and each of its regions, with the name of the body."""
     for name, body in model.get("bodies", {}).items():
@@ -208,7 +229,9 @@ def _moduli(mechanical: Mapping[str, Any]) -> Iterator[float]:
 
 
 def _largest(spec: Any) -> float:
-    """The largest value of a property [its unit]; of a polynomial that at its T_ref."""
+    """The largest value of a property [its unit], of both axes; of a polynomial that at its T_ref."""
+    if isinstance(spec, Mapping) and "k_1" in spec:
+        return max(_largest(spec["k_1"]), _largest(spec["k_2"]))
     if isinstance(spec, Mapping) and "solid" in spec:
         return max(_largest(spec["solid"]), _largest(spec["liquid"]))
     if isinstance(spec, Mapping) and "value" in spec:

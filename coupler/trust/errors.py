@@ -27,6 +27,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from types import MappingProxyType
 
 import numpy as np
 from numpy.typing import NDArray
@@ -58,6 +59,7 @@ SOLVED_T = 1e-9
 # fault: what is left where pressures settle is taken for an error of windows -> SETTLED = SOLVED |
 #   coupler/test_trust_errors::test_a_pressure_that_stays_is_held_against_what_it_settles_to
 SETTLED = 1e-4
+NO_FLOORS: Mapping[str, float] = MappingProxyType({})
 # Of a probe that is 0 all the time but in a look, such as a pressure before the touch, the share is without bound.
 TINY = 1e-300
 # Bends of a class lie within a factor of 10^(1/2) of each other, the first from 1e-16 in SI on.
@@ -294,16 +296,19 @@ def _carried_on(log: ErrorLog) -> Array:
     return np.asarray((np.where(once, np.minimum(ratios, MOST), ratios) * rest).sum(axis=1))
 
 
-def scales(log: ErrorLog, units: Sequence[str]) -> Array:
+def scales(log: ErrorLog, units: Sequence[str], nothing: Mapping[str, float] = NO_FLOORS) -> Array:
     """Return what each error is held against, (n,) in SI: its range, or a share of the largest of its unit.
 
-    units : of the probes.
+    units : of the probes.  nothing : unit -> what solvers may leave of a quantity that is 0.
     """
     ranges = log.high - log.low
     largest = {u: max(r for v, r in zip(units, ranges, strict=True) if v == u) for u in set(units)}
     floor = np.array([SMALL * largest[u] for u in units]) if units else np.zeros(0)
     left = np.array([{"Pa": SETTLED, "K": SOLVED_T}.get(u, SOLVED) for u in units])
-    return np.maximum.reduce([ranges, floor, left * log.most])
+    # fault: what solvers leave of a force that is 0 is an error of its windows -> least = np.zeros(len(units)) |
+    #   coupler/test_trust_nothing
+    least = np.array([nothing.get(u, 0.0) for u in units])
+    return np.maximum.reduce([ranges, floor, left * log.most, least])
 
 
 @dataclass(frozen=True)
@@ -323,15 +328,17 @@ def table(log: ErrorLog, probes: Mapping[str, str]) -> dict[str, ProbeError]:
             for (name, unit), e, low, high in zip(probes.items(), estimated(log), log.low, log.high, strict=True)}
 
 
-def check(log: ErrorLog, probes: Mapping[str, str], adaptive: bool, iterated: bool = False) -> Check:
+def check(log: ErrorLog, probes: Mapping[str, str], adaptive: bool, iterated: bool = False,
+          nothing: Mapping[str, float] = NO_FLOORS) -> Check:
     """Return the check at the end.
 
     probes : name -> unit.  adaptive : whether windows are adaptive.  iterated : whether every window is iterated.
+    nothing : as of `scales`.
     """
     if not log.looked:
         return Check(NAME, TrustVerdict.UNCHECKED,
                      what="no window could be solved twice: a half cannot save its state")
-    names, scale = list(probes), scales(log, list(probes.values()))
+    names, scale = list(probes), scales(log, list(probes.values()), nothing)
     shares = np.divide(estimated(log), scale, out=np.zeros(len(names)), where=scale > 0.0)
     k = int(shares.argmax())
     unit = probes[names[k]]

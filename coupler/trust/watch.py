@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from contact.half.interface import Interface
+from coupler.scenario.scales import left_of_nothing
 from coupler.scenario.thermal_data import TemperatureData
 from coupler.schemes.ledger import NO_TERMS, imbalance
 from coupler.schemes.levels import Level
@@ -109,6 +110,7 @@ class TrustWatch:
         self._own_meshes = frozenset(own_meshes)
         self._interface = interface
         self._adaptive = adaptive
+        self._nothing = left_of_nothing(interface, models)
         self._probes = dict(probes) if probes else {f"the mean temperature of {b}": "K" for b in interface.bodies}
         self._data = TemperatureData(models["thermal"])
         self._sides, self._unpaired = passing.Sides(interface), unpaired.Unpaired(interface)
@@ -229,7 +231,7 @@ class TrustWatch:
         # fault: a window a hair above its tolerance makes a run one not to trust -> over = 0.0 | coupler/test_trust
         over = OVER * log.windows
         return (
-            errors.check(log.errors, self._probes, self._adaptive, self._iterated),
+            errors.check(log.errors, self._probes, self._adaptive, self._iterated, self._nothing),
             stability.check(log.stability, log.errors.looked, self._adaptive),
             temperatures.check(log.temperatures, self._place(log.temperatures.node)),
             *self._tables.checks(log.tables),
