@@ -12,7 +12,7 @@ from functools import partial
 import numpy as np
 from numpy.typing import NDArray
 
-from coupler.control import auto, error_estimate, events, flutter, spare, unannounced
+from coupler.control import auto, error_estimate, events, flutter, own_growth, spare, unannounced
 from coupler.control.accept import Attempt, Decision, accept, rejected
 from coupler.control.error_estimate import Estimate
 from coupler.control.gain import Gain
@@ -322,6 +322,11 @@ def _looked(window: _Taken, verdict: Decision, in_one: NDArray[np.float64]) -> t
             memory, seen, number, plan, last=finished(Committed(solved.state, control), plan)):
         seen = spare.look(window.halves, taken, plan, seen)
         memory = spare.spent(memory, seen, number)
+    at_end = finished(Committed(solved.state, control), plan)
+    # fault: steady states are taken for ones that last -> if False: | coupler/test_own_growth
+    if plan.steady_T and at_end and spare.can_look(window.halves, window.span):
+        grows = own_growth.growth(window.halves, window.at.state, window.span, window.saved, solved)
+        seen = replace(seen, growth=grows, solves=seen.solves + own_growth.SOLVES)
     known = None
     if spare.asks_gain(memory, seen, number, taken, plan) and spare.can_look(window.halves, window.span):
         known = spare.gain_of(window.halves, taken)

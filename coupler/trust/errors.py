@@ -93,6 +93,7 @@ class Looked:
     turning, shift : of the temperatures, and by how much the window shifts the run (coupler.trust.time_shift); None:
     they shift nothing.
     m : what the window makes of a disturbance; nan: not measured.  limit [s] : the longest window that is stable.
+    growth : of a disturbance of a steady state (coupler.control.own_growth); nan: not measured.
     """
 
     values: Array
@@ -106,6 +107,7 @@ class Looked:
     shift: Shift | None = None
     m: float = math.nan
     limit: float = math.inf
+    growth: float = math.nan
 
 
 @dataclass(frozen=True)

@@ -37,6 +37,7 @@ from coupler.trust import (
     skipped,
     solved,
     stability,
+    steady,
     stored,
     tables,
     temperatures,
@@ -72,6 +73,7 @@ class TrustLog:
     round_gaps: round_gaps.RoundGapLog = field(default_factory=round_gaps.RoundGapLog)
     errors: errors.ErrorLog = field(default_factory=errors.ErrorLog)
     stability: stability.StabilityLog = field(default_factory=stability.StabilityLog)
+    steady: steady.SteadyLog = field(default_factory=steady.SteadyLog)
     shapes: carried.CarriedLog = field(default_factory=carried.CarriedLog)
     carried: carried.CarriedLog = field(default_factory=carried.CarriedLog)
     equilibrium: equilibrium.EquilibriumLog = field(default_factory=equilibrium.EquilibriumLog)
@@ -157,7 +159,8 @@ class TrustWatch:
         before, now = levels
         if looked is not None:
             log = replace(log, errors=errors.watched(log.errors, looked, now.t, fresh=fresh),
-                          stability=stability.watched(log.stability, looked, now.t, now.t - before.t))
+                          stability=stability.watched(log.stability, looked, now.t, now.t - before.t),
+                          steady=steady.watched(log.steady, looked, now.t))
         heats = {name: heat for name, heat in terms.items() if name not in NO_TERMS}
         warmth = temperatures.watched(log.temperatures, self._data, levels, heats, inputs)
         shape_off = monitors.get(f"mechanical.{SHAPE_OFF}")
@@ -233,6 +236,7 @@ class TrustWatch:
         return (
             errors.check(log.errors, self._probes, self._adaptive, self._iterated, self._nothing),
             stability.check(log.stability, log.errors.looked, self._adaptive),
+            *steady.checks(log.steady),
             temperatures.check(log.temperatures, self._place(log.temperatures.node)),
             *self._tables.checks(log.tables),
             *carried.checks(log.carried, log.temperatures.most - log.temperatures.least,
