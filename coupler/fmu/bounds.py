@@ -7,14 +7,14 @@ remedy.
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from contact.half.functions import field_from
+from contact.half.functions import field_from, signal_from
 from contact.half.interface import Interface
 from contact.half.start import start_coordinates, start_temperature
 from contact.problem.errors import read
@@ -54,13 +54,14 @@ class BorderScene:
 
     interface : its mesh and pairs.  T_low, T_high : (n_nodes,) [K] between which a node's first temperature lies.
     least_T : above which every temperature lies at all times [K]; -inf of a scene that states 0 K or less itself, whose
-    temperatures have a scale of their own.
+    temperatures have a scale of their own.  turns : body -> by how much its motion states that it begins turned [rad].
     """
 
     interface: Interface
     T_low: Array
     T_high: Array
     least_T: float = 0.0
+    turns: Mapping[str, float] = field(default_factory=dict)
 
     @cached_property
     def span(self) -> float:
@@ -137,7 +138,20 @@ def scenario_border(scenario: Scenario, role: str = "") -> BorderScene:
     """Return the scene as a half sees it.  role : of one that may have a mesh of its own; "": on the scene's mesh."""
     interface = scenario.interface_of(role)
     stated = () if scenario.stated is None else scenario.stated.thermal.boundary
-    return border_scene(interface, scenario.models["thermal"], stated)
+    border = border_scene(interface, scenario.models["thermal"], stated)
+    # fault: a body that is stated to begin turned is refused -> return border | coupler/test_broken_halves
+    return replace(border, turns=start_turns(scenario.models["mechanical"]))
+
+
+def start_turns(mechanical: Mapping[str, Any]) -> dict[str, float]:
+    """Return by how much each body is stated to begin turned [rad].  mechanical : its model.json."""
+    found = {name: m["rotation"]["angle"] for name, m in (mechanical.get("motion") or {}).items() if m.get("rotation")}
+    for b in mechanical.get("boundary", ()):
+        angle = b["rotation"]["angle"] if b.get("rotation") else b.get("angle")
+        if angle is not None:
+            found[b.get("body") or str(b.get("on") or b.get("at")).partition(".")[0]] = angle
+    # What jumps at the start acts just after it.
+    return {name: signal_from(angle).at(0.0, -1) for name, angle in found.items()}
 
 
 def _nodes_of(place: str, interface: Interface) -> NDArray[np.integer]:
@@ -238,6 +252,8 @@ def _wrong_mesh(x: Array, scene: BorderScene) -> Breach | None:
     """
     interface = scene.interface
     X = start_coordinates(interface)
+    of = {"quad": interface.quad_body, "triangle": interface.triangle_body}
+    turns = np.array([scene.turns.get(name, 0.0) for name in interface.bodies])
     for name, cells in (("quad", interface.quads), ("triangle", interface.triangles)):
         if not len(cells):
             continue
@@ -247,7 +263,7 @@ def _wrong_mesh(x: Array, scene: BorderScene) -> Breach | None:
         size = np.linalg.svd(F, compute_uv=False)
         strained = (size[:, 0] > STRETCH) | (size[:, -1] < 1.0 / STRETCH)
         # fault: the first x is not looked at -> bad = strained & False | coupler/test_broken_halves
-        bad = strained | (np.linalg.det(F) <= 0.0) | (F.trace(axis1=1, axis2=2) <= 0.0)
+        bad = strained | (np.linalg.det(F) <= 0.0) | (_along(F, turns[of[name]]) <= 0.0)
         if not bad.any():
             continue
         k = int(np.argmax(bad))
@@ -256,6 +272,11 @@ def _wrong_mesh(x: Array, scene: BorderScene) -> Breach | None:
                       f"({X[i, 0]:.6g}, {X[i, 1]:.6g}) m: {name} {k + 1} there is {_how(F[k], size[k])}",
                       _meant(x, X, float(np.median(size))))
     return None
+
+
+def _along(F: Array, turn: Array) -> Array:
+    """Return (n,) trace of F : (n, 2, 2) turned back by `turn` : (n,) [rad], above 0 up to a right angle."""
+    return np.asarray(np.cos(turn) * (F[:, 0, 0] + F[:, 1, 1]) + np.sin(turn) * (F[:, 1, 0] - F[:, 0, 1]))
 
 
 def _edges(x: Array, a: Any, b: Any, d: Any) -> Array:

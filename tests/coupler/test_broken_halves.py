@@ -14,7 +14,7 @@ import pytest
 
 from coupler import load_scenario
 from coupler.errors import CouplingError, HalfError
-from coupler.fmu.bounds import BorderScene, border_scene, wrong_start, wrong_values
+from coupler.fmu.bounds import BorderScene, border_scene, scenario_border, start_turns, wrong_start, wrong_values
 from coupler.fmu.fmi import load_half
 from coupler.fmu.half import Block, Half
 from coupler.fmu.held import HeldHalf
@@ -157,6 +157,22 @@ def test_the_mesh_is_known_in_any_place_and_with_any_small_strain(built: Built) 
     mirrored = wrong_start("mechanical", {"x": X * (-1.0, 1.0)}, built.border)
     assert mirrored is not None
     assert "turned inside out" in mirrored.text
+
+
+def test_a_body_may_begin_turned_as_its_motion_says(built: Built) -> None:
+    """By 120 degrees as stated, or the same and less than a right angle more; not by what nothing states."""
+    i = built.scenario.interface
+    about = {"rotation": {"about": [0.0, 0.0], "angle": {"t": [0.0, 1.0], "value": [2.1, 5.0]}}}
+    models = {**built.scenario.models, "mechanical": {"motion": {name: about for name in i.bodies}}}
+    border = scenario_border(replace(built.scenario, models=models))
+    assert border.turns == dict.fromkeys(i.bodies, 2.1)
+    on = start_turns({"boundary": [{"on": "a.left", "u_x": 0}, {"on": "a.left", **about}, {"body": "b", "angle": 3}]})
+    assert on == {"a": 2.1, "b": 3.0}
+    for angle, right in ((2.1, True), (2.1 + 1.5, True), (2.1 - 1.5, True), (2.1 + 1.7, False), (0.0, False)):
+        turn = np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
+        found = wrong_start("mechanical", {"x": i.nodes @ turn.T}, border)
+        assert (found is None) is right
+        assert right or (found is not None and "turned by more than a right angle" in found.text)
 
 
 def test_a_scene_of_another_scale_has_its_own_bounds(built: Built) -> None:
