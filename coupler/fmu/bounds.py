@@ -7,8 +7,9 @@ remedy.
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from functools import cached_property
+from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -54,14 +55,14 @@ class BorderScene:
 
     interface : its mesh and pairs.  T_low, T_high : (n_nodes,) [K] between which a node's first temperature lies.
     least_T : above which every temperature lies at all times [K]; -inf of a scene that states 0 K or less itself, whose
-    temperatures have a scale of their own.  turns : body -> by how much its motion states that it begins turned [rad].
+    temperatures have a scale of their own.  turns : (n_bodies,) by how much each is stated to begin turned [rad].
     """
 
     interface: Interface
     T_low: Array
     T_high: Array
     least_T: float = 0.0
-    turns: Mapping[str, float] = field(default_factory=dict)
+    turns: Array = field(default_factory=lambda: np.zeros(0))
 
     @cached_property
     def span(self) -> float:
@@ -108,11 +109,13 @@ class BorderScene:
 
 
 def border_scene(interface: Interface, thermal: Mapping[str, Any],
-                 stated: Iterable[ThermalBoundary] = ()) -> BorderScene:
+                 stated: Iterable[ThermalBoundary] = (), mechanical: Mapping[str, Any] = MappingProxyType({}),
+                 ) -> BorderScene:
     """Return the scene of an interface and a thermal model.json (contact.problem.thermal), all in SI.
 
     Where a temperature is prescribed a half may begin with it or with T0, so there the first T is not looked at.
-    stated : the scenario's conditions, of which the model.json of a prebuilt FMU has none.
+    stated : the scenario's conditions, of which the model.json of a prebuilt FMU has none.  mechanical : the other
+    model.json, whose motions may begin turned.
     """
     kind = str(thermal["half"])
     problem = read(ForeignThermal if "options" in thermal else ThermalProblem, thermal, kind)
@@ -131,27 +134,27 @@ def border_scene(interface: Interface, thermal: Mapping[str, Any],
     low[unknown], high[unknown] = -np.inf, np.inf
     # fault: a scene of its own scale is refused -> return BorderScene(interface, low, high) |
     #   coupler/test_broken_halves
-    return BorderScene(interface, low, high, 0.0 if lowest > 0.0 else -np.inf)
+    return BorderScene(interface, low, high, 0.0 if lowest > 0.0 else -np.inf, start_turns(interface, mechanical))
 
 
 def scenario_border(scenario: Scenario, role: str = "") -> BorderScene:
     """Return the scene as a half sees it.  role : of one that may have a mesh of its own; "": on the scene's mesh."""
     interface = scenario.interface_of(role)
     stated = () if scenario.stated is None else scenario.stated.thermal.boundary
-    border = border_scene(interface, scenario.models["thermal"], stated)
-    # fault: a body that is stated to begin turned is refused -> return border | coupler/test_broken_halves
-    return replace(border, turns=start_turns(scenario.models["mechanical"]))
+    # fault: a body that is stated to begin turned is refused -> return border_scene(interface,
+    #   scenario.models["thermal"], stated) | coupler/test_broken_halves
+    return border_scene(interface, scenario.models["thermal"], stated, scenario.models["mechanical"])
 
 
-def start_turns(mechanical: Mapping[str, Any]) -> dict[str, float]:
-    """Return by how much each body is stated to begin turned [rad].  mechanical : its model.json."""
+def start_turns(interface: Interface, mechanical: Mapping[str, Any]) -> Array:
+    """Return by how much each body is stated to begin turned, (n_bodies,) [rad].  mechanical : its model.json."""
     found = {name: m["rotation"]["angle"] for name, m in (mechanical.get("motion") or {}).items() if m.get("rotation")}
     for b in mechanical.get("boundary", ()):
         angle = b["rotation"]["angle"] if b.get("rotation") else b.get("angle")
         if angle is not None:
             found[b.get("body") or str(b.get("on") or b.get("at")).partition(".")[0]] = angle
     # What jumps at the start acts just after it.
-    return {name: signal_from(angle).at(0.0, -1) for name, angle in found.items()}
+    return np.array([signal_from(found.get(name, 0.0)).at(0.0, -1) for name in interface.bodies])
 
 
 def _nodes_of(place: str, interface: Interface) -> NDArray[np.integer]:
@@ -253,7 +256,7 @@ def _wrong_mesh(x: Array, scene: BorderScene) -> Breach | None:
     interface = scene.interface
     X = start_coordinates(interface)
     of = {"quad": interface.quad_body, "triangle": interface.triangle_body}
-    turns = np.array([scene.turns.get(name, 0.0) for name in interface.bodies])
+    turns = scene.turns if scene.turns.size else np.zeros(len(interface.bodies))
     for name, cells in (("quad", interface.quads), ("triangle", interface.triangles)):
         if not len(cells):
             continue

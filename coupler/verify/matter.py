@@ -82,7 +82,7 @@ def known_scene(interface: Interface, thermal: Mapping[str, Any], mechanical: Ma
 
     stated : as of border_scene.
     """
-    border = border_scene(interface, thermal, stated)
+    border = border_scene(interface, thermal, stated, mechanical)
     values: dict[str, Any] = {f.name: getattr(border, f.name) for f in fields(border)}
     return KnownScene(**values, rho_c=_capacity(border, thermal), **_expansion(interface, mechanical))
 

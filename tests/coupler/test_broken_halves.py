@@ -165,9 +165,11 @@ def test_a_body_may_begin_turned_as_its_motion_says(built: Built) -> None:
     about = {"rotation": {"about": [0.0, 0.0], "angle": {"t": [0.0, 1.0], "value": [2.1, 5.0]}}}
     models = {**built.scenario.models, "mechanical": {"motion": {name: about for name in i.bodies}}}
     border = scenario_border(replace(built.scenario, models=models))
-    assert border.turns == dict.fromkeys(i.bodies, 2.1)
-    on = start_turns({"boundary": [{"on": "a.left", "u_x": 0}, {"on": "a.left", **about}, {"body": "b", "angle": 3}]})
-    assert on == {"a": 2.1, "b": 3.0}
+    assert border.turns.tolist() == [2.1] * len(i.bodies)
+    one, other = i.bodies[:2]
+    on = start_turns(i, {"boundary": [{"on": f"{one}.left", "u_x": 0}, {"on": f"{one}.left", **about},
+                                      {"body": other, "angle": 3}]})
+    assert on.tolist()[:2] == [2.1, 3.0]
     for angle, right in ((2.1, True), (2.1 + 1.5, True), (2.1 - 1.5, True), (2.1 + 1.7, False), (0.0, False)):
         turn = np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
         found = wrong_start("mechanical", {"x": i.nodes @ turn.T}, border)
