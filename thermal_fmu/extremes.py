@@ -5,9 +5,10 @@ half, what smaller cells change of them is e, which the balance that T_h leaves 
 
     C de/dt + K e = f(T_h) - C dT_h/dt,
 
-in one step of backward Euler as long as it had time to grow, since the start or since data jumped; a steady scene has
-no C.  All that heats a scene is read anew by the smaller cells, so what is narrower than a cell counts, and what is
-wrong at one place reaches others as heat does.
+in one step of backward Euler as long as it had time to grow: since the start or since data jumped, and no longer than
+temperatures take at their present rate to where they are.  A steady scene has no C.  All that heats a scene is read
+anew by the smaller cells, so what is narrower than a cell counts, and what is wrong at one place reaches others as heat
+does.
 
 Two numbers are told, the larger one.  What the highest (lowest) temperature changes by, times MORE: cells that are
 halved again, and again, change it too, by 1/3 of that where it is smooth and more beside what is not.  And what still
@@ -58,8 +59,9 @@ BACKWARD_EULER = Stage(1.0, 1.0, 1.0)
 class StepEnded:
     """The end of a substep.
 
-    context : it was taken in.  x, X : (n, 2) [m] where nodes are, and were at the start.  s_n, s : (n,) [K] at its
-    start and end.  t, h [s]: its end and length.  grown [s]: how long errors grew.  stores : whether bodies store heat.
+    context : it was taken in.  x, X : (n, 2) [m] where nodes are, and were at the start.  s_0 : (n,) [K] of the run's
+    start.  s_n, s : (n,) [K] at the substep's start and end.  t, h [s]: its end and length.  since [s]: how long ago
+    all began, or data jumped.  stores : whether bodies store heat.
     E_M : (n_cells,) [J] of it.  facing, points : what faces what; None without pairs.  t_N, E : traction [Pa] and
     friction heat [J] at pair nodes, (n_q,) each.
     """
@@ -67,17 +69,31 @@ class StepEnded:
     context: StepContext
     x: Floats
     X: Floats
+    s_0: Floats
     s_n: Floats
     s: Floats
     t: float
     h: float
-    grown: float
+    since: float
     stores: bool
     E_M: Floats
     facing: Facing | None
     points: ContactPoints | None
     t_N: Floats
     E: Floats
+
+    @property
+    def grown(self) -> float:
+        """How long errors grew [s].
+
+        What drives them now may have begun a moment ago, with a ramp after a long rest: it did not all the time.
+        Temperatures that come to rest make this long, so that what is steady grows since all began.
+        """
+        last = float(np.abs(self.s - self.s_n).max(initial=0.0))
+        far = float(np.abs(self.s - self.s_0).max(initial=0.0))
+        # fault: what has just begun to warm a body is taken to have done so all the time -> return self.since |
+        #   thermal_fmu/test_extremes::test_errors_grow_since_temperatures_move
+        return min(self.since, self.h * max(far / last, 1.0)) if last > 0.0 else self.since
 
     @property
     def rate(self) -> Floats:

@@ -248,6 +248,7 @@ class ThermalHalf:
         self._factors_S = Factors()
         self._masses: tuple[Floats, tuple[ReferenceCells, ...]] | None = None
         self._rounding = 0.0
+        self._s_0 = np.zeros(0)
         self._unsolved: UnsolvedStep | None = None
         self.variables = _variables(self._scene)
         self._named = named_heats(interface, self._scene.model)
@@ -382,7 +383,7 @@ class ThermalHalf:
         fields = replace(fields, now=outputs | dict(fields.now) | counts)
         if self._halved is None:
             return Done(new, fields)
-        end = StepEnded(replace(context, substep=done.substep), x, state.X, state.s, done.s, t + h, h,
+        end = StepEnded(replace(context, substep=done.substep), x, state.X, self._s_0, state.s, done.s, t + h, h,
                         t + h - max(state.began, self._calendar.last_jump(t + h, h)), method.stores, E_M, facing,
                         points, t_N, E_friction)
         # Of what a run asks for now and then a state in bytes keeps nothing: it costs more than a step.
@@ -413,6 +414,7 @@ class ThermalHalf:
             self._masses = (np.array(X), self._scene.masses(np.array(X)))
             T = self._scene.start(self._masses[1])
             s = phase_change.unknown(self._scene.melting, T)
+            self._s_0 = s
             M = capacities(self._scene.volume, self._masses[1], self._scene.model.parts, s)
             self._rounding = ROUNDING * float(M @ np.abs(T))
             self._capacity = float(M.sum())

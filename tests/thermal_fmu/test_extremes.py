@@ -164,6 +164,20 @@ def test_errors_grow_since_data_jumped():
     assert other == pytest.approx(one, rel=0.1)
 
 
+def test_errors_grow_since_temperatures_move():
+    """A ramp of a side that begins late: it does not jump, and drives errors for no longer than it lasts."""
+    def ramp(t):
+        side = {"terms": [{"t": {"t": [0.0, t, t + 1.0], "value": [0.0, 0.0, 1.0]}}]}
+        return spec([{"on": "a.left", "temperature": side}], method="backward_euler")
+
+    dt = 1.0 / 128.0
+    one = stepped(square(8), ramp(1e-9), dt, 2)
+    other = stepped(square(8), ramp(1.0), dt, 130)
+    for name in ("mesh.T_high_off.a", "mesh.T_low_off.a"):
+        assert other[name] == pytest.approx(one[name], rel=0.1, abs=1e-9)
+    assert other["mesh.T_low_off.a"] > 0.0
+
+
 def test_bodies_elsewhere_are_told_by_their_own_half():
     mesh = scene(Box(0, 1, 0, 1, 4, 4), Box(0, 1, 1, 2, 4, 4), pairs=(Pair("p", "b.bottom", "a.top", 0.1, 0.0),))
     model = spec([{"on": "a.bottom", "flux": strip(1.0, 0.5, 0.6)}], elsewhere=["b"],
