@@ -19,6 +19,7 @@ from coupler.record.observe import ConditionReader, ExtraOutputs, ProbeReader, f
 from coupler.record.recorder import Recorder, WindowRecord
 from coupler.scenario import Scenario
 from coupler.scenario.options import Scheme
+from coupler.scenario.scales import slight_temperature
 from coupler.scenario.timing import Frames
 from coupler.schemes.ledger import Ledger
 from coupler.schemes.levels import Level
@@ -52,7 +53,8 @@ class Observer:
                                  () if scenario.stated is None else scenario.stated.thermal.ignore,
                                  scenario.coupling.substeps["mechanical"],
                                  scenario.coupling.scheme is Scheme.ITERATED, _fits(scenario),
-                                 scenario.coupling.substeps["thermal"])
+                                 scenario.coupling.substeps["thermal"],
+                                 slight_temperature(interface, scenario.models, scenario.coupling))
         self.watched = self.probes.measurable if units else self._watch.means
         self.conditions = ConditionReader(scenario.conditions, self._both)
         self.outputs = ExtraOutputs(halves, interface)

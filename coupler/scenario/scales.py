@@ -100,6 +100,19 @@ def scaled(options: CouplingOptions, scales: Scales, document: Document) -> Coup
     return replace(options, iteration=options.iteration.changed(tolerance=iteration), adaptive=adaptive)
 
 
+def slight_temperature(interface: Interface, models: Mapping[str, Mapping[str, Any]],
+                       options: CouplingOptions) -> float:
+    """Return by how much temperatures may be wrong without harm [K]: what windows may err by, stated or by the scene.
+
+    Who states more for the sake of speed does not say that it means nothing.
+    """
+    of_scene = scales_of(interface, models, options.end).temperature
+    if options.adaptive is None:
+        return of_scene
+    # fault: an error that a file states to matter does not -> return of_scene | coupler/test_scales
+    return min(of_scene, options.adaptive.tolerance.temperature.atol)
+
+
 def loose_iterations(options: CouplingOptions) -> list[str]:
     """Return a note where iterations may leave so much that hardly a window is within its tolerance."""
     if options.adaptive is None:

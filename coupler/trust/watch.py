@@ -101,13 +101,15 @@ class TrustWatch:
     def __init__(self, interface: Interface, models: Mapping[str, Mapping[str, Any]],
                  probes: Mapping[str, str] | None = None, adaptive: bool = False,
                  own_meshes: Collection[str] = (), ignored: Collection[str] = (), substeps: int = 1,
-                 iterated: bool = False, fits: Mapping[str, Any] | None = None, looks: int = 1) -> None:
+                 iterated: bool = False, fits: Mapping[str, Any] | None = None, looks: int = 1,
+                 slight: float = 0.0) -> None:
         """models : of the halves (model.json).  probes : name -> unit; none: mean temperatures of bodies stand for
         them (`means`).  adaptive : whether windows find their own size.  own_meshes : the roles of halves on one.
         ignored : paths of the scene that the thermal half may leave out.  substeps : of the mechanical half in a
         window.  iterated : whether every window is.  fits : pair -> its clearance or interference, as stated.  looks :
-        substeps of the thermal half in a window.
+        substeps of the thermal half in a window.  slight [K]: an error of temperatures that harms nobody.
         """
+        self._slight = slight
         self._iterated = iterated
         self._own_meshes = frozenset(own_meshes)
         self._interface = interface
@@ -243,7 +245,7 @@ class TrustWatch:
                             "thermal" in self._own_meshes),
             *carried.shape_checks(log.shapes, "mechanical" in self._own_meshes),
             *heat_mesh.checks(log.heat_mesh, log.temperatures.span, self._meeting),
-            *extremes.checks(log.extremes, log.temperatures.own_span),
+            *extremes.checks(log.extremes, log.temperatures.own_span, self._slight),
             *mesh.checks(log.mesh),
             *across.checks(log.across, log.temperatures.span),
             *rhythm.checks(log.rhythm, self._place(log.rhythm.node), self._interface.bodies),

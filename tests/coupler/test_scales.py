@@ -8,6 +8,7 @@ import pytest
 
 from coupler import run
 from coupler.scenario.load import scenario_from
+from coupler.scenario.scales import slight_temperature
 
 SCENE = {
     "slideline": 2, "units": {"temperature": "K"}, "geometry": "plane",
@@ -42,6 +43,19 @@ def test_they_are_shares_of_the_scene(tmp_path):
     assert iteration.temperature.atol == pytest.approx(0.003 * window.temperature.atol)
     assert iteration.gap.atol == pytest.approx(0.01 * window.gap.atol)
     assert iteration.pressure.atol == pytest.approx(200.0)
+
+
+def test_what_harms_nobody_is_what_windows_may_err_by_and_no_more_than_the_scene_says(tmp_path):
+    def slight(**adaptive):
+        scene = scenario_from(json.dumps(SCENE), tmp_path / "scene.yaml", {f"coupling.{k}": v for k, v in
+                                                                          adaptive.items()})
+        return slight_temperature(scene.interface, scene.models, scene.coupling)
+
+    of_scene = pytest.approx(1e-4 * 50.0)
+    assert slight() == of_scene
+    assert slight(windows=[{"until": 100.0, "size": 1.0}]) == of_scene
+    assert slight(adaptive={"tolerance": {"temperature": {"atol": 1e-4}}}) == 1e-4
+    assert slight(adaptive={"tolerance": {"temperature": {"atol": 2.0}}}) == of_scene
 
 
 def test_a_small_span_of_temperatures_counts(tmp_path):

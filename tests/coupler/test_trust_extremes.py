@@ -43,6 +43,19 @@ def plate(folder, n):
     return file
 
 
+SHORT = """
+slideline: 2
+units: {temperature: degC}
+geometry: plane
+materials: {m: {rho: 7800, c: 480, k: 2000, alpha: 0}}
+bodies: {b: {mesh: {rectangle: {origin: [0, 0], size: [0.01, 0.01], cells: [1, 1]}}, material: m, T0: 20}}
+thermal: {boundary: [{on: b.top, convection: {h: 500, T: 100}}]}
+mechanical: {half: rigid, rigid: {motion: {b: {}}}}
+coupling: {end: 1.0e-6}
+output: {checkpoint: 0}
+"""
+
+
 def check_of(rows, name=extremes.NAME):
     return next((c for c in rows if c.name == name), None)
 
@@ -105,6 +118,19 @@ def test_it_waits_after_contact_changed():
     assert extremes.due(log, 128, 10.0, False, t=100.0, event=99.9)
     assert extremes.due(log, 17, 30.0, False, t=100.0, event=99.9)
     assert extremes.due(log, 17, 10.0, True, t=100.0, event=99.9)
+
+
+def test_what_harms_nobody_is_not_noted(tmp_path):
+    """A film of 80 K warms a body of one cell by 3 uK in a microsecond: its surface is off by as much, and no more."""
+    (tmp_path / "short.yaml").write_text(SHORT)
+    log = extremes.watched(ExtremesLog(), {"mesh.T_high_off.a": 3e-6}, 1, 3e-6, 1e-6)
+    for slight, verdict in ((0.0, "broken"), (7e-7, "broken"), (3.1e-6, "holds"), (1e-6, "noted")):
+        (check,) = extremes.checks(log, 3e-6, slight)
+        assert check.verdict == verdict
+    assert "15 % of 2e-05 K, 20 times what windows may err by" in check.sentence
+    check = check_of(run(load_scenario(tmp_path / "short.yaml"), tmp_path / "run.h5").trust)
+    assert check.verdict == "holds"
+    assert 1e-6 < check.number < 1e-4
 
 
 def test_the_largest_of_all_looks_counts():
