@@ -17,6 +17,7 @@ from mechanical_fmu.loads import DeadForces, NodalShares, RigidRows, dead_forces
 from mechanical_fmu.problem import ElasticSpec
 
 Floats = NDArray[np.float64]
+EPS = float(np.finfo(float).eps)
 
 
 @dataclass(frozen=True)
@@ -179,6 +180,11 @@ class Inertia:
     matrix: csr_matrix
     origin: Floats
     constant: Floats
+
+    @property
+    def round_off(self) -> Floats:
+        """(n, 2) [N] by which forces are open where u is rounded: as much the more as the step is short."""
+        return np.asarray(abs(self.matrix) @ (EPS * np.abs(self.origin)).ravel()).reshape(self.origin.shape)
 
     def force(self, u: Floats) -> Floats:
         """Compute the inertia forces (n, 2) [N] at u : (n, 2) [m]."""
