@@ -69,7 +69,7 @@ def shorter(attempt: Attempt, size: float, why: str) -> ControlState:
     assert adaptive is not None
     if at_least(attempt):
         # fault: who may not go shorter is told to -> remedy = SMALLER | coupler/test_control
-        remedy = AT_LEAST.get(attempt.solved.verdict)
+        remedy = unsolvable(attempt, attempt.solved.verdict)
         raise gave_up(attempt, why, f"the window of {attempt.H:.3g} s is at its least", remedy)
     return tried_again(attempt, replace(control, size=max(size, adaptive.least), reason=f"tried again after: {why}",
                                       below=attempt.span.k1, aim=0), why)
@@ -101,9 +101,21 @@ AT_LEAST = {
                              "leave (thermal runaway)",
     Verdict.MECHANICAL_DISCARD: "Everything up to here is in the results file. Shorter windows do not help: look at "
                                 "the loads at this time. They may be more than the bodies can carry (limit load, "
-                                "buckling): prescribe displacements in place of forces or, in a scene without inertia, "
-                                "follow the motion with inertia (mechanical.elastic.dynamics)",
+                                "buckling): prescribe displacements in place of forces, or follow the motion with "
+                                "inertia (mechanical.elastic.dynamics)",
 }
+# What moves with inertia bears any load, so where its balance is not found contact or the law of a material is why.
+WITH_INERTIA = ("Everything up to here is in the results file. Shorter windows do not help: look at what happens at "
+                "this time. Where a body strikes or sticks, `augmented: {}` of that pair, a smaller `penalty` or "
+                "smaller cells may; or a material is strained beyond what it can bear")
+
+
+def unsolvable(attempt: Attempt, verdict: Verdict) -> str | None:
+    """What helps where a half can solve no window, however short; None: smaller windows may."""
+    # fault: who follows a motion is told to follow it -> if False: | coupler/test_control
+    if verdict is Verdict.MECHANICAL_DISCARD and attempt.plan.inertia:
+        return WITH_INERTIA
+    return AT_LEAST.get(verdict)
 
 
 def gave_up(attempt: Attempt, why: str, how: str, remedy: str | None = None) -> CouplingError:
@@ -227,7 +239,7 @@ def _met(attempt: Attempt) -> Attempt:
     if found.tries >= SURE and found.end - attempt.t <= NEAR * (found.end - found.first):
         raise gave_up(attempt, solved.message,
                       f"{found.tries} windows that came nearer and nearer did not get past t = {found.end:.9g} s",
-                      AT_LEAST[Verdict.MECHANICAL_DISCARD])
+                      unsolvable(attempt, Verdict.MECHANICAL_DISCARD))
     return replace(attempt, at=replace(attempt.at, control=replace(control, obstacle=found)))
 
 

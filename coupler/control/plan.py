@@ -62,7 +62,7 @@ class Plan:
     steady_data : whether no datum and no rule changes with time what acts on the scene.
     latent : the largest latent heat over heat capacity [K]; 0: nothing melts.  ways : how surfaces pass each other, on
     motions that the scene states; None: nobody looks.
-    steady_T : whether temperatures are those of a steady state at any time.
+    steady_T : whether temperatures are those of a steady state at any time.  inertia : whether bodies have any.
     mechanical : (n,) which of those the mechanical half makes; (0,): none.  cells : of each body, of the scene's mesh.
     pairs : the pair nodes of each pair.  torn : those whose conductance jumps at touch.
     """
@@ -84,6 +84,7 @@ class Plan:
     pairs: tuple[NDArray[np.intp], ...] = ()
     steady_data: bool = False
     steady_T: bool = False
+    inertia: bool = False
     torn: Torn = NOT_TORN
     latent: float = 0.0
     ways: Ways | None = None

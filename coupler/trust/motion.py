@@ -48,6 +48,11 @@ class MotionLog:
     windows: int = 0
 
 
+def has_inertia(model: Mapping[str, Any]) -> bool:
+    """Whether bodies have inertia.  model : of the mechanical half (model.json)."""
+    return model.get("method") == "explicit" or model.get("dynamics") is not None
+
+
 class Motion:
     """Follows the means of bodies.
 
@@ -56,7 +61,7 @@ class Motion:
 
     def __init__(self, model: Mapping[str, Any], interface: Interface, substeps: int) -> None:
         explicit = model.get("method") == "explicit"
-        self.has_inertia = explicit or model.get("dynamics") is not None
+        self.has_inertia = has_inertia(model)
         self._bodies = interface.bodies
         self._limit = LIMIT if any(p.mu > 0.0 for p in interface.pairs) else math.inf
         self._round_off = OF_PLACE * float(np.abs(interface.nodes).max(initial=0.0))

@@ -6,11 +6,13 @@ import sys
 from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
+from types import SimpleNamespace
+from typing import cast
 
 import numpy as np
 import pytest
 
-from coupler.control.accept import MAX_TRIES
+from coupler.control.accept import MAX_TRIES, Attempt, unsolvable
 from coupler.control.loop import propose, step, windows
 from coupler.control.state import ControlState, first
 from coupler.errors import CouplingError
@@ -180,6 +182,15 @@ def test_a_window_that_is_put_back_for_ever_is_an_error() -> None:
 def test_a_discard_at_the_least_window_is_an_error() -> None:
     with pytest.raises(CouplingError, match=r"at its least.*Shorter windows do not help"):
         tries(plan_to(adaptive=Adaptive(1.0, 0.5, END)), lumped(840.0, h_max=0.1))
+
+
+def test_who_follows_a_motion_is_not_told_to_follow_it() -> None:
+    rest, moves = (cast(Attempt, SimpleNamespace(plan=plan_to(inertia=on))) for on in (False, True))
+    assert "follow the motion with inertia" in str(unsolvable(rest, Verdict.MECHANICAL_DISCARD))
+    assert "with inertia" not in str(unsolvable(moves, Verdict.MECHANICAL_DISCARD))
+    assert "smaller `penalty`" in str(unsolvable(moves, Verdict.MECHANICAL_DISCARD))
+    assert unsolvable(moves, Verdict.THERMAL_DISCARD) == unsolvable(rest, Verdict.THERMAL_DISCARD)
+    assert unsolvable(moves, Verdict.ERROR) is None
 
 
 @pytest.mark.parametrize("then", list(OnCycle))
