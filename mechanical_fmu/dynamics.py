@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -105,10 +105,21 @@ def first_motion(system: System, found: ForceBalance, lumped: bool) -> BodyMotio
             v[system.rigid.turn_rows[k], 0] = spec.omega0 * system.rigid.size[k]
         arm = x - middle
         v[here] = np.array(spec.v0) + spec.omega0 * np.stack([-arm[:, 1], arm[:, 0]], axis=1)
-    free = system.constraints.free
-    v = (v.ravel() * free).reshape(v.shape) if system.rigid is None else v
+    v = (v.ravel() * system.constraints.free).reshape(v.shape) if system.rigid is None else v
     v.ravel()[system.constraints.fixed] = 0.0
-    masses, f = system.masses, found.r.copy()
+    f, a = _accelerated(system, found.r.copy(), lumped)
+    return BodyMotion(found.u, v, a, f, *contact_of(system, found))
+
+
+def after_jump(system: System, motion: BodyMotion, added: Floats, lumped: bool) -> BodyMotion:
+    """Return the motion at the same time, behind a jump of what acts.  added : (n, 2) [N] it acts by more."""
+    df, da = _accelerated(system, -added, lumped)
+    return replace(motion, f=motion.f + df, a=motion.a + da)
+
+
+def _accelerated(system: System, f: Floats, lumped: bool) -> tuple[Floats, Floats]:
+    """Return f : (n, 2) [N] without what pushes nodes without mass, and the accelerations M a = -f, (n, 2) [m/s2]."""
+    free, masses = system.constraints.free, system.masses
     # Nodes without mass are in equilibrium from the first step on; what pushes them now is no inertia.
     f[masses.without] *= 1.0 - free.reshape(-1, 2)[masses.without]
     b = -f.ravel() * free
@@ -117,7 +128,7 @@ def first_motion(system: System, found: ForceBalance, lumped: bool) -> BodyMotio
         a = np.divide(b, m, out=np.zeros_like(b), where=m > 0.0)
     else:
         a = system.accelerations(b) * system.moving
-    return BodyMotion(found.u, v, masses.followed(a.reshape(v.shape)), f, *contact_of(system, found))
+    return f, masses.followed(a.reshape(f.shape))
 
 
 # Explicit dynamics: central differences with a diagonal mass, cut into stable pieces.

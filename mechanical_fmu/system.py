@@ -377,6 +377,17 @@ class System:
                 np.add.at(total, load.edges, forces)
         return total
 
+    def applied_at(self, u: Floats, pressure: Floats, dead: Floats) -> Floats:
+        """Compute (n, 2) [N] of pressures [Pa] and levels of other loads, at u : (n, 2) [m], on what moves freely."""
+        force = np.zeros_like(u)
+        for load, p in zip(self.loads, pressure, strict=True):
+            if p != 0.0:
+                np.add.at(force, load.edges, pressure_forces(self.interface.nodes + u, load.edges, np.full(
+                    len(load.edges), p), self.interface.axisymmetric))
+        if dead.size:
+            force += self.masses.dead.at(dead)
+        return force if self.rigid is None else self.rigid.reduced(force, u)
+
     def _applied(self, loading: Loading) -> float:
         """[N] the largest load that is put on a body, contact apart, where it is drawn."""
         force = self._pressed(self.interface.nodes, loading)
