@@ -164,8 +164,7 @@ class ElasticHalf:
         task = Task(state.drive, drive, t + h - state.solved, contact_query(system, link, state.contact), frozen,
                     _array(state.handed) if len(state.handed) else None)
         if system.spec.stated.inert:
-            state, task = self._behind_jump(state, task, drive_of(system, inputs, t, -1),
-                                            drive_of(system, inputs, t, 1))
+            state, task = self._behind_jump(state, task, drive_of(system, inputs, t, 1))
         loading = loading_of(system, task, 1.0, task.dt, _array(state.history))
         if method == "newton" and self._anchors_serve and frozen is None:
             found, after = self._anchored(state, task, loading)
@@ -182,9 +181,12 @@ class ElasticHalf:
         outputs = outputs_of(system, found, moved, after)
         return Done(after_release(system, after, found.balance), outputs, found.dt_stable)
 
-    def _behind_jump(self, state: ElasticState, task: Task, before: StepDrive,
-                     now: StepDrive) -> tuple[ElasticState, Task]:
-        """The state and the task of a step that begins with a jump of loads: forces and accelerations behind it."""
+    def _behind_jump(self, state: ElasticState, task: Task, now: StepDrive) -> tuple[ElasticState, Task]:
+        """The state and the task of a step that begins with a jump of loads: forces and accelerations behind it.
+
+        now : what acts from its start on; a signal that jumps there, or an input that is another one from there on.
+        """
+        before = state.drive
         # fault: a load that ends goes on for a part of the next step -> if True: | mechanical_fmu/test_jump_of_load
         if np.array_equal(before.pressure, now.pressure) and np.array_equal(before.dead, now.dead):
             return state, task

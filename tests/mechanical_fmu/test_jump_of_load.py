@@ -37,3 +37,27 @@ def test_a_body_goes_on_with_the_speed_that_it_was_given(n: int, rho_inf: float,
         moves[half.system.rigid.point_rows] = True
     np.testing.assert_allclose(np.array(state.v)[moves, 0], A * END, rtol=1e-7)
     np.testing.assert_allclose(np.array(state.u)[nodes, 0], A * END * (0.5 * END + 2.0 * END), rtol=1e-7)
+
+
+@pytest.mark.parametrize("load", ["gravity", "pressure"])
+@pytest.mark.parametrize("rho_inf", [0.5, 1.0])
+def test_so_it_does_where_a_rule_ends_the_load(rho_inf: float, load: str) -> None:
+    """The input load.NAME goes from 1 to 0 between two steps; a pressure on one end of a bar 1 m long does as much."""
+    pull = {"gravity": {"x": 0.0, "y": -A, "name": "pull"}} if load == "gravity" else {}
+    press = [] if load == "gravity" else [{"on": "upper.top", "pressure": A * RHO, "name": "pull"}]
+    half = elastic(bars("bars", 6, 1.0, 0.0, grade=1.3, swapped=True), press, {"E": 1e9, "nu": 0.0, "rho": RHO},
+                   tolerance=1e-11, bodies={"lower": {"material": "m", "rigid": True}, "upper": {"material": "m"}},
+                   dynamics={"rho_inf": rho_inf}, **pull)
+    link, h, t = open_link("direct"), 1e-6, 0.0
+    state, _ = half.start(inputs_of(half, pull=1.0), 0.0, link)
+    for k in range(6):
+        state, _ = done(half.step(state, inputs_of(half, pull=1.0 if k < 3 else 0.0), t, h, link))
+        t += h
+    link.close()
+    upper = half.system.interface.node_body == 1
+    M = half.system.masses.matrix(False)
+    speeds = np.where(upper, 1.0, 0.0) if upper.size == half.system.masses.n else np.r_[
+        np.where(upper, 1.0, 0.0), np.zeros(half.system.masses.n - upper.size)]
+    down = np.stack([0.0 * speeds, speeds], axis=1).ravel()
+    momentum = float(down @ (M @ np.array(state.v).ravel()))
+    assert momentum == pytest.approx(-A * RHO * 0.1 * 3 * h, rel=1e-6)
