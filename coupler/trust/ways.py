@@ -13,6 +13,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
+from enum import Enum
 from itertools import pairwise
 from typing import Any
 
@@ -36,6 +37,7 @@ ROUND = 1e-9  # a window of just SHARE is none beyond it
 # A turn that counts as much as a whole length [rad]: from some 80 degrees on slip is no longer followed along the
 # master, whose edges turn their backs (contact/slip.py).
 WHOLE_TURN = 2.0
+STRAIGHT = 0.01  # a track is bent across by no more than this part of its length
 PIECES = 256  # of a way, looked at ahead: whoever comes nearer later is seen by a window that begins later
 HALF_TURN = math.pi
 
@@ -76,12 +78,20 @@ class Motion:
         return self.turn.at(min(t1, self.until), -1) - self.turn.at(min(t0, self.until))
 
 
+class Meeting(Enum):
+    """How the sides of a pair meet in a time."""
+
+    APART = "apart"  # neither comes within reach of the other
+    STAYS = "stays"  # the shorter lies on the other all the time
+    PASSES = "passes"  # it may come to face it, or cease to
+
+
 @dataclass(frozen=True)
 class _Passing:
     """A pair of two bodies, of which one moves past the other.
 
     sides : the nodes of each surface.  motions : of their bodies, None: no motion is stated.  length : of the shorter
-    surface [m].  reach : how far apart they still interact [m].
+    surface [m].  reach : how far apart they still interact [m].  track : two of the shortest edges of the longer [m].
     """
 
     name: str
@@ -89,6 +99,7 @@ class _Passing:
     motions: tuple[Motion | None, Motion | None]
     length: float
     reach: float
+    track: float
 
 
 @dataclass(frozen=True)
@@ -121,8 +132,13 @@ class Ways:
             return t1
         piece = (t1 - t0) * SHARE / share
         pieces = min(math.ceil((t1 - t0) / piece), PIECES)
-        first = next((i for i in range(pieces) if _near(p, x, t0, t0 + i * piece, t0 + (i + 1) * piece)), pieces)
-        return min(t0 + max(first, 1) * piece, t1)
+        looks = [_meeting(p, x, t0, t0 + i * piece, t0 + (i + 1) * piece) for i in range(pieces)]
+        first = next((i for i, meets in enumerate(looks) if meets is Meeting.PASSES), pieces)
+        end = t0 + max(first, 1) * piece
+        if Meeting.STAYS in looks[:first]:
+            # fault: a slider may go as far along its track as it likes -> end = end | coupler/test_trust_ways
+            end = min(end, t0 + max(p.track / p.length, 1.0) * piece)
+        return min(end, t1)
 
     def watched(self, log: WaysLog, before: Level, now: Level) -> WaysLog:
         """Return the log after a window."""
@@ -130,16 +146,22 @@ class Ways:
             whole, turn = _share(p, before.x, before.t, now.t)
             # Between looks the path of a body is known up to half a turn.
             share = whole / (self._looks if turn < HALF_TURN else 1)
-            # fault: what never comes near is told to have been passed -> if share > log.share: |
+            if share <= log.share:
+                continue
+            met = self._met(p, before, now, whole)
+            if Meeting.STAYS in met and Meeting.PASSES not in met:
+                share /= max(p.track / p.length, 1.0)
+            # fault: what never comes near is told to have been passed -> met = {Meeting.PASSES} |
             #   coupler/test_trust_ways
-            if share > log.share and self._meets(p, before, now, whole):
+            met = met - {Meeting.APART}
+            if met and share > log.share:
                 log = WaysLog(share, p.name, before.t, now.t)
         return log
 
-    def _meets(self, p: _Passing, before: Level, now: Level, share: float) -> bool:
+    def _met(self, p: _Passing, before: Level, now: Level, share: float) -> set[Meeting]:
         pieces = min(max(math.ceil(share / SHARE), 1), PIECES)
         times = np.linspace(before.t, now.t, pieces + 1).tolist()
-        return any(_near(p, before.x, before.t, a, b) for a, b in pairwise(times))
+        return {_meeting(p, before.x, before.t, a, b) for a, b in pairwise(times)}
 
     def checks(self, log: WaysLog) -> tuple[Check, ...]:
         """Return the row at the end, where surfaces were told to pass each other."""
@@ -162,8 +184,11 @@ def _passings(interface: Interface, motions: Mapping[str, Motion]) -> Iterator[_
         if pair.tied or one == other or (a is None and b is None):
             continue
         sides = tuple(np.unique(interface.surfaces[name]).astype(np.intp) for name in (pair.slave, pair.master))
-        length = min(float(np.linalg.norm(np.ptp(interface.nodes[nodes], axis=0))) for nodes in sides)
-        yield _Passing(pair.name, (sides[0], sides[1]), (a, b), length, pair.gap_max)
+        lengths = [float(np.linalg.norm(np.ptp(interface.nodes[nodes], axis=0))) for nodes in sides]
+        longer = (pair.slave, pair.master)[int(np.argmax(lengths))]
+        ends = interface.nodes[interface.surfaces[longer]]
+        edge = float(np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1).min())
+        yield _Passing(pair.name, (sides[0], sides[1]), (a, b), min(lengths), pair.gap_max, 2.0 * edge)
 
 
 def _share(p: _Passing, x: Array, t0: float, t1: float) -> tuple[float, float]:
@@ -189,6 +214,38 @@ def _same(a: Motion, b: Motion, t0: float, t1: float) -> bool:
     turns = a.turned(t0, t1), b.turned(t0, t1)
     about = turns[0] == 0.0 or bool((a.about == b.about).all())
     return turns[0] == turns[1] and about and bool((a.moved(t0, t1) == b.moved(t0, t1)).all())
+
+
+def _meeting(p: _Passing, x: Array, start: float, t0: float, t1: float) -> Meeting:
+    """Return how the sides of a pair meet from t0 to t1 [s].  x : at `start` [s]."""
+    if not _near(p, x, start, t0, t1):
+        return Meeting.APART
+    return Meeting.STAYS if all(_stays(p, x, start, t) for t in (t0, t1)) else Meeting.PASSES
+
+
+def _stays(p: _Passing, x: Array, start: float, t: float) -> bool:
+    """Whether the shorter side lies on the other at t [s], all of it, and no turn has carried it there.
+
+    A slider on a long straight track faces it all the way.  What it may pass is a warmer place of the track, and none
+    is narrower than two of its edges.
+    """
+    if any(m is not None and m.turn is not None and m.turned(start, t) != 0.0 for m in p.motions):
+        return False
+    places = [x[nodes] + (0.0 if m is None else m.moved(start, t)) for m, nodes in zip(p.motions, p.sides, strict=True)]
+    short, track = sorted(places, key=lambda at: float(np.linalg.norm(np.ptp(at, axis=0))))
+    along = _along(track)
+    across = np.array([-along[1], along[0]])
+    on, beside, bent = track @ along, track @ across, np.ptp(track @ across)
+    # fault: a slider that leaves its track stays on it -> inside = True | coupler/test_trust_ways
+    inside = bool((short @ along >= on.min()).all() and (short @ along <= on.max()).all())
+    near = bool((np.abs(short @ across - beside.mean()) <= p.reach + bent).all())
+    # fault: a slider that stays on its track passes it -> return False | coupler/test_trust_ways
+    return inside and near and bool(bent <= STRAIGHT * np.ptp(on))
+
+
+def _along(track: Array) -> Array:
+    """Return (2,) the direction in which points (n, 2) are spread most."""
+    return np.asarray(np.linalg.svd(track - track.mean(axis=0), full_matrices=False)[2][0])
 
 
 def _near(p: _Passing, x: Array, start: float, t0: float, t1: float) -> bool:

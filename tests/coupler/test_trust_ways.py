@@ -167,6 +167,51 @@ def watched(model: dict[str, Any], until: float, shift: float = 0.0, looks: int 
     return ways.watched(WaysLog(), levels[0], levels[1])
 
 
+def slider(at: float, edges: int = 4, lifted: float = 0.1) -> Interface:
+    """A unit square on a track from 0 to 20 of so many edges."""
+    square = np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]])
+    x = np.linspace(0.0, 20.0, edges + 1)
+    track = np.concatenate([np.stack([x, 0.0 * x - 1.0], axis=1), np.stack([x, 0.0 * x], axis=1)])
+    i, n = np.arange(edges), edges + 1
+    return Interface(geometry="plane", nodes=np.vstack([track, square + [at, lifted]]),
+                     quads=np.concatenate([np.stack([i, i + 1, n + i + 1, n + i], axis=1),
+                                           [2 * n + np.arange(4)]]),
+                     triangles=np.empty((0, 3), dtype=int), quad_body=np.array([*[0] * edges, 1]),
+                     triangle_body=np.empty(0, dtype=int), bodies=("track", "slider"), materials=("m", "m"),
+                     surfaces={"track.top": np.stack([n + i + 1, n + i], axis=1),
+                               "slider.bottom": np.array([[2 * n, 2 * n + 1]])},
+                     pairs=(Pair("face", "slider.bottom", "track.top", 0.2, 1e9),))
+
+
+def test_a_slider_that_stays_on_its_track_passes_what_its_edges_can_hold():
+    """Half of two edges of 5 m in a window, where it goes half a metre past a pin."""
+    model = {"motion": {"slider": {"u_x": ramp(1.0)}}}
+
+    def end(at: float, edges: int, lifted: float = 0.1, t1: float = 10.0, model: dict[str, Any] = model) -> float:
+        interface = slider(at, edges, lifted)
+        return Ways(interface, model).longest(interface.nodes, 0.0, t1)
+
+    assert end(2.0, 4) == pytest.approx(5.0)
+    assert end(2.0, 4, t1=4.0) == 4.0
+    # Edges that are shorter than it is, the end of the track, and a turn.
+    assert end(2.0, 80) == pytest.approx(0.5)
+    assert end(17.0, 4) == pytest.approx(2.0)
+    assert end(18.8, 4) == pytest.approx(0.5)
+    turns = {"motion": {"slider": {"u_x": ramp(1.0), "rotation": {"about": [2.5, 0.6], "angle": ramp(0.01)}}}}
+    assert end(2.0, 4, model=turns) < 0.6
+    assert end(2.0, 4, lifted=0.5) == 10.0
+
+
+def test_the_row_of_a_slider_on_its_track():
+    interface = slider(2.0)
+    ways = Ways(interface, {"motion": {"slider": {"u_x": ramp(1.0)}}})
+    moved = interface.nodes.copy()
+    moved[10:] += [6.0, 0.0]
+    levels = [Level(t, np.full(14, 300.0), x, np.zeros(4), np.full(4, 0.1), np.zeros(4))
+              for t, x in ((0.0, interface.nodes), (6.0, moved))]
+    assert ways.watched(WaysLog(), *levels).share == pytest.approx(0.6)
+
+
 def test_a_row_tells_how_far_surfaces_went():
     model = {"motion": {"high": {"u_x": ramp(0.25)}}}
     assert watched(model, 6.0).share == pytest.approx(1.5)
