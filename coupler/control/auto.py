@@ -29,7 +29,7 @@ from coupler.control.unannounced import front_moves, open_gaps
 from coupler.scenario.options import Iteration, MeasuredIteration, Scheme, Seen
 from coupler.schemes.accounts import AHEAD
 from coupler.schemes.ledger import MOVED
-from coupler.schemes.levels import DAMPED, alternating_gain, closest, foreseen, predicted
+from coupler.schemes.levels import DAMPED, alternating_gain, closest, largest_trend, predicted
 from coupler.schemes.scheme import CouplingScheme
 from coupler.schemes.schemes import scheme_of
 from coupler.schemes.state import CoupledState, Halves, IterationHistory, Solved
@@ -231,7 +231,7 @@ def _extrapolation(memory: Memory, state: CoupledState, end: float, wary: bool) 
         damped = alternating_gain(times, end, DAMPED) * rho <= MAX_GAIN
         return DAMPED if damped and not wary else None
     # fault: auto does not think of friction -> return extrapolation | coupler/test_friction_trend
-    return min(extrapolation, foreseen(times, end, most)) if _hands_ahead(state) else extrapolation
+    return min(extrapolation, largest_trend(times, end, most)) if _hands_ahead(state) else extrapolation
 
 
 def _times(state: CoupledState) -> list[float]:

@@ -313,16 +313,16 @@ def _looked(window: _Taken, verdict: Decision, in_one: NDArray[np.float64]) -> t
     seen = replace(seen, turning=_turning(window, solved))
     taken = spare.Window(window.at.state, window.span, window.options, window.saved, solved)
     number, level = window.at.control.number, window.options.settings.iteration.level
+    at_end = finished(Committed(solved.state, control), plan)
     if solved.whole is not None and in_one.size:
         kept, whole = (spare.factors(window.at.state, solved, level, plan, kept_in_halves=h) for h in (True, False))
         seen = replace(seen, error=spare.difference(seen.values, in_one, kept),
                        in_one=spare.difference(seen.values, in_one, whole),
                        shift=spare.shift_of(window.at.state, solved.whole, solved, level, kept_in_halves=True))
     elif spare.can_look(window.halves, window.span) and spare.wanted(
-            memory, seen, number, plan, last=finished(Committed(solved.state, control), plan)):
+            memory, seen, number, plan, last=at_end):
         seen = spare.look(window.halves, taken, plan, seen)
         memory = spare.spent(memory, seen, number)
-    at_end = finished(Committed(solved.state, control), plan)
     # fault: steady states are taken for ones that last -> if False: | coupler/test_own_growth
     if plan.steady_T and at_end and spare.can_look(window.halves, window.span):
         grows = own_growth.growth(window.halves, window.at.state, window.span, window.saved, solved)

@@ -16,8 +16,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from coupler.control.solve_window import SavedStates
+from coupler.control.window_size import answer
 from coupler.errors import CouplingError
-from coupler.schemes.levels import Level, exchanged
+from coupler.schemes.levels import exchanged
 from coupler.schemes.state import CoupledState, Halves, Solved, Span
 from coupler.schemes.sweep import DiscardError, mechanical_first
 
@@ -38,30 +39,14 @@ def growth(halves: Halves, before: CoupledState, span: Span, saved: SavedStates,
     size = DISTURBANCE * float(np.ptp(base.T))
     if size == 0.0:
         return math.nan
+    def outcome(T: Array) -> Array:
+        saved.roll_back("a window is looked at")
+        return mechanical_first(halves, before, span, exchanged(replace(base, T=T)), at_end=True).level.T
+
     with SavedStates(halves, base.t, saved.number) as end:
         try:
-            found = _growth(halves, before, span, saved, (base, size))
+            found = answer(outcome, base.T, size, TURNS)
         except (DiscardError, CouplingError):
             found = math.nan
         end.roll_back("a window was only looked at")
-    return found
-
-
-def _growth(halves: Halves, before: CoupledState, span: Span, saved: SavedStates, at: tuple[Level, float]) -> float:
-    base, size = at
-    direction, found = np.ones_like(base.T), 0.0
-    for _ in range(TURNS):
-        outcomes: list[Array] = []
-        for side in (size, -size):
-            saved.roll_back("a window is looked at")
-            guess = exchanged(replace(base, T=base.T + side * direction))
-            outcomes.append(mechanical_first(halves, before, span, guess, at_end=True).level.T)
-        out = (outcomes[0] - outcomes[1]) / (2.0 * size)
-        # fault: what comes out turned round is taken for what goes on -> found = abs(float(direction @ out)) /
-        #   float(direction @ direction) | coupler/test_own_growth
-        found = float(direction @ out) / float(direction @ direction)
-        largest = float(np.abs(out).max())
-        if largest == 0.0:
-            return 0.0
-        direction = out / largest
     return found

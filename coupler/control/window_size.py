@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -187,17 +188,25 @@ def feedback(halves: Halves, state: CoupledState, span: Span) -> Feedback:
 def _slope(halves: Halves, state: CoupledState, span: Span) -> float:
     """What a window makes of a disturbance of its guess, < 0 where it turns it round: -rho."""
     base = predicted(state.now, state.before, span.end)
-    direction, slope = np.ones_like(base.T), 0.0
-    for _ in range(TURNS):
-        warm, cold = (_outcome(halves, state, span, replace(base, T=base.T + side * DISTURBANCE * direction))
-                      for side in (1.0, -1.0))
-        out = (warm - cold) / (2.0 * DISTURBANCE)
-        slope = float(direction @ out) / float(direction @ direction)
+    return answer(lambda T: _outcome(halves, state, span, replace(base, T=T)), base.T, DISTURBANCE, TURNS)
+
+
+def answer(outcome: Callable[[Array], Array], T: Array, size: float, turns: int) -> float:
+    """Return what comes out of a disturbance of temperatures T : (n,) [K], over it, along what it turns to.
+
+    outcome : of temperatures.  size [K] : of the disturbance, to both sides.  turns : towards what it comes out as.
+    """
+    direction, found = np.ones_like(T), 0.0
+    for _ in range(turns):
+        out = (outcome(T + size * direction) - outcome(T - size * direction)) / (2.0 * size)
+        # fault: what comes out turned round is taken for what goes on -> found = abs(float(direction @ out)) /
+        #   float(direction @ direction) | coupler/test_own_growth
+        found = float(direction @ out) / float(direction @ direction)
         largest = float(np.abs(out).max())
         if largest == 0.0:
             return 0.0
         direction = out / largest
-    return slope
+    return found
 
 
 def _outcome(halves: Halves, state: CoupledState, span: Span, guess: Level) -> Array:

@@ -13,6 +13,7 @@ from coupler.control.auto import schemes_under
 from coupler.scenario.document import Key
 from coupler.scenario.edits import cells_as, windows_times
 from coupler.scenario.options import Scheme
+from coupler.scenario.timing import has_inertia
 
 # Edits of a scenario: values put in and keys taken out, on plain values and on a commented file alike.
 
@@ -321,7 +322,7 @@ def forces(tree: Tree) -> Iterator[Simplification]:
     if own.get("thermoelastic_heat"):
         yield Simplification("thermoelastic heat", Aspect.EFFECT, Edit({(*key, "thermoelastic_heat"): False}),
                              needs_deformation=True)
-    if own.get("dynamics") is not None or own.get("method") == "explicit":
+    if has_inertia(own):
         speeds = tuple((*key, "bodies", body, speed) for body in own.get("bodies", {}) for speed in ("v0", "omega0"))
         method: dict[Key, Any] = {(*key, "method"): "newton"} if own.get("method") == "explicit" else {}
         yield Simplification("inertia", Aspect.EFFECT, Edit(method, ((*key, "dynamics"), *speeds)),

@@ -25,13 +25,12 @@ from coupler.scenario import Scenario
 from coupler.scenario.notes import mean_T0, torn_pairs
 from coupler.scenario.rule_model import outputs
 from coupler.scenario.scales import OF_LENGTH, latent_span, length_of
-from coupler.scenario.timing import is_steady, varies
+from coupler.scenario.timing import has_inertia, is_steady, varies
 from coupler.schemes.accounts import HEATS, EnergyAccount
 from coupler.schemes.levels import Level
 from coupler.schemes.schedule import schedule
 from coupler.schemes.schemes import scheme_of
 from coupler.schemes.state import ELASTIC_STRAIN, CoupledState, Halves, wanted_outputs
-from coupler.trust.motion import has_inertia
 from coupler.trust.ways import Ways
 
 Array = NDArray[np.float64]

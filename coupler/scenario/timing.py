@@ -102,13 +102,18 @@ def is_steady(models: Mapping[str, Any]) -> bool:
     return bool(models["thermal"].get("method") == "steady")
 
 
+def has_inertia(mechanical: Mapping[str, Any]) -> bool:
+    """Whether bodies have inertia.  mechanical : model.json of the mechanical half."""
+    return mechanical.get("method") == "explicit" or mechanical.get("dynamics") is not None
+
+
 def moves_on(mechanical: Mapping[str, Any], steady: float) -> list[str]:
     """A sentence where a run that ends at rates of temperature below `steady` [K/s] may end while bodies move.
 
     mechanical : model.json of the mechanical half.
     """
     creeps = sorted(name for name, material in mechanical.get("materials", {}).items() if material.get("creep"))
-    inert = mechanical.get("dynamics") is not None or mechanical.get("method") == "explicit"
+    inert = has_inertia(mechanical)
     # fault: a run that ends while bodies fall or creep is not told -> if True: | coupler/test_stop_steady
     if steady == 0.0 or not (inert or creeps):
         return []

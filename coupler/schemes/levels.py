@@ -182,7 +182,7 @@ def closest(times: Sequence[float], end: float, most: float) -> float | None:
     return knots[-1]
 
 
-def foreseen(times: Sequence[float], end: float, most: float) -> float:
+def largest_trend(times: Sequence[float], end: float, most: float) -> float:
     """Returns the largest trend of what is handed over ahead whose alternating gain is at most `most`; 0.0: none is.
 
     Power that goes 1, -1, 1 at the ends of windows makes nothing in any of them.  With r, the next window over the

@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from contact.half.interface import Interface
+from coupler.scenario.timing import has_inertia
 from coupler.trust.checks import Check, TrustVerdict, measured
 
 Array = NDArray[np.float64]
@@ -46,11 +47,6 @@ class MotionLog:
     moved: Array = field(default_factory=lambda: np.empty(0))
     path: Array = field(default_factory=lambda: np.empty(0))
     windows: int = 0
-
-
-def has_inertia(model: Mapping[str, Any]) -> bool:
-    """Whether bodies have inertia.  model : of the mechanical half (model.json)."""
-    return model.get("method") == "explicit" or model.get("dynamics") is not None
 
 
 class Motion:

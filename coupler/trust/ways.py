@@ -4,8 +4,9 @@ The halves look for what faces what at single times of a window.  A surface that
 own length between two of them may never be seen to face it: a hot block swept over a pin left it cold, an arm that
 turned twice in a window met its pad by chance, and a ring that turned by more than half a turn slipped backwards.  A
 window of half the size passes as well, so that no comparison of the two tells.  The motions themselves do: adaptive
-windows are no longer than surfaces that may face take for SHARE of the shorter one (coupler.control.loop), and a row of
-the trust table judges windows of any size.
+windows are no longer than surfaces that may face take for SHARE of the shorter one, or, of a slider that stays on a
+straight track, of two edges of that where they are longer (coupler.control.loop); and a row of the trust table judges
+windows of any size.
 """
 
 from __future__ import annotations
@@ -91,7 +92,8 @@ class _Passing:
     """A pair of two bodies, of which one moves past the other.
 
     sides : the nodes of each surface.  motions : of their bodies, None: no motion is stated.  length : of the shorter
-    surface [m].  reach : how far apart they still interact [m].  track : two of the shortest edges of the longer [m].
+    surface [m].  reach : how far apart they still interact [m].  edges : two of the shortest edges of the longer over
+    the length, where they are longer, else 1.0.
     """
 
     name: str
@@ -99,17 +101,21 @@ class _Passing:
     motions: tuple[Motion | None, Motion | None]
     length: float
     reach: float
-    track: float
+    edges: float
 
 
 @dataclass(frozen=True)
 class WaysLog:
-    """share : the largest way past the shorter surface over its length, of `pair`, in the window from t0 to t [s]."""
+    """share : the largest way past the shorter surface over its length, of `pair`, in the window from t0 to t [s].
+
+    by_edges : it is over two edges of the track on which the shorter stays.
+    """
 
     share: float = 0.0
     pair: str = ""
     t0: float = 0.0
     t: float = 0.0
+    by_edges: bool = False
 
 
 class Ways:
@@ -132,13 +138,15 @@ class Ways:
             return t1
         piece = (t1 - t0) * SHARE / share
         pieces = min(math.ceil((t1 - t0) / piece), PIECES)
-        looks = [_meeting(p, x, t0, t0 + i * piece, t0 + (i + 1) * piece) for i in range(pieces)]
-        first = next((i for i, meets in enumerate(looks) if meets is Meeting.PASSES), pieces)
-        end = t0 + max(first, 1) * piece
-        if Meeting.STAYS in looks[:first]:
-            # fault: a slider may go as far along its track as it likes -> end = end | coupler/test_trust_ways
-            end = min(end, t0 + max(p.track / p.length, 1.0) * piece)
-        return min(end, t1)
+        end = t1
+        for i in range(pieces):
+            meeting = _meeting(p, x, t0, t0 + i * piece, t0 + (i + 1) * piece)
+            if meeting is Meeting.STAYS:
+                # fault: a slider may go as far along its track as it likes -> pass | coupler/test_trust_ways
+                end = min(end, t0 + p.edges * piece)
+            if meeting is Meeting.PASSES or t0 + i * piece >= end:
+                return min(t0 + max(i, 1) * piece, end)
+        return min(t0 + pieces * piece, end)
 
     def watched(self, log: WaysLog, before: Level, now: Level) -> WaysLog:
         """Return the log after a window."""
@@ -148,14 +156,13 @@ class Ways:
             share = whole / (self._looks if turn < HALF_TURN else 1)
             if share <= log.share:
                 continue
-            met = self._met(p, before, now, whole)
-            if Meeting.STAYS in met and Meeting.PASSES not in met:
-                share /= max(p.track / p.length, 1.0)
             # fault: what never comes near is told to have been passed -> met = {Meeting.PASSES} |
             #   coupler/test_trust_ways
-            met = met - {Meeting.APART}
+            met = self._met(p, before, now, whole) - {Meeting.APART}
+            stays = met == {Meeting.STAYS}
+            share /= p.edges if stays else 1.0
             if met and share > log.share:
-                log = WaysLog(share, p.name, before.t, now.t)
+                log = WaysLog(share, p.name, before.t, now.t, stays and p.edges > 1.0)
         return log
 
     def _met(self, p: _Passing, before: Level, now: Level, share: float) -> set[Meeting]:
@@ -168,9 +175,10 @@ class Ways:
         if not log.pair:
             return ()
         times = max(2, math.ceil(log.share / SHARE))
+        length = "the length of two edges of its track" if log.by_edges else "the length of the shorter one"
         return (measured(NAME, log.share, (SHARE * (1.0 + ROUND), LIMIT), t=log.t,
                          what=f"pair {log.pair}: in the window from t = {log.t0:.6g} to {log.t:.6g} s one surface "
-                              f"moves past the other by {log.share:.3g} times the length of the shorter one; what "
+                              f"moves past the other by {log.share:.3g} times {length}; what "
                               "they face in between is not seen, so heat, pressure and friction there may be missed",
                          remedy=f"Use windows {times} times as short while these surfaces move past each other "
                                 "(coupling.windows, coupling.adaptive.least), or leave coupling.windows out: adaptive "
@@ -188,7 +196,8 @@ def _passings(interface: Interface, motions: Mapping[str, Motion]) -> Iterator[_
         longer = (pair.slave, pair.master)[int(np.argmax(lengths))]
         ends = interface.nodes[interface.surfaces[longer]]
         edge = float(np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1).min())
-        yield _Passing(pair.name, (sides[0], sides[1]), (a, b), min(lengths), pair.gap_max, 2.0 * edge)
+        yield _Passing(pair.name, (sides[0], sides[1]), (a, b), min(lengths), pair.gap_max,
+                       max(2.0 * edge / min(lengths), 1.0))
 
 
 def _share(p: _Passing, x: Array, t0: float, t1: float) -> tuple[float, float]:

@@ -21,7 +21,7 @@ from coupler.fmu.half import Block
 from coupler.running.setup import accounts_of
 from coupler.scenario.options import Iteration, Scheme, WindowRange
 from coupler.schemes.accounts import EnergyAccount, Foreseen
-from coupler.schemes.levels import Level, foreseen
+from coupler.schemes.levels import Level, largest_trend
 from coupler.schemes.schedule import schedule
 from coupler.schemes.scheme import WindowTask
 from coupler.schemes.schemes import solve_extrapolated
@@ -106,13 +106,13 @@ def scheme_run(thermal: FakeHalf, mechanical: FakeHalf, extrapolation: float, go
 def test_the_trend_is_no_longer_than_what_alternates_allows() -> None:
     """In windows of one size (2 + 2 trend) is seen of what iterates feel 1/2 of: 4 and 8 times."""
     even = [2.0, 1.0, 0.0]
-    assert foreseen(even, 3.0, 8.0) == pytest.approx(1.0)
-    assert foreseen(even, 3.0, 6.0) == pytest.approx(0.5)
-    assert foreseen(even, 3.0, 3.9) == 0.0
-    assert foreseen(even, 3.0, math.inf) == 1.0
-    assert foreseen(even, 2.4, 6.5) == 0.0
+    assert largest_trend(even, 3.0, 8.0) == pytest.approx(1.0)
+    assert largest_trend(even, 3.0, 6.0) == pytest.approx(0.5)
+    assert largest_trend(even, 3.0, 3.9) == 0.0
+    assert largest_trend(even, 3.0, math.inf) == 1.0
+    assert largest_trend(even, 2.4, 6.5) == 0.0
     for end in (2.7, 3.0, 4.5):
-        trend = foreseen(even, end, 6.5)
+        trend = largest_trend(even, end, 6.5)
         assert alternates(trend, end - 2.0) == pytest.approx(6.5)
 
 
@@ -146,7 +146,7 @@ def test_auto_extrapolates_no_further_than_power_of_friction_allows() -> None:
     """With rho 0.08 an alternation may be seen 5 times: 3.5 is the parabola of x, and of power 8."""
     known = Memory(rho=0.08, H=1.0)
     assert choose(known, at(), 1.0).extrapolation == 1.0
-    assert choose(known, at(power=1.0), 1.0).extrapolation == pytest.approx(foreseen([2.0, 1.0, 0.0], 3.0, 5.0))
+    assert choose(known, at(power=1.0), 1.0).extrapolation == pytest.approx(largest_trend([2.0, 1.0, 0.0], 3.0, 5.0))
     assert choose(replace(known, rho=0.05), at(power=1.0), 1.0).extrapolation == pytest.approx(1.0)
     assert choose(replace(known, rho=0.3), at(power=1.0), 1.0).extrapolation == choose(
         replace(known, rho=0.3), at(), 1.0).extrapolation < 0.0

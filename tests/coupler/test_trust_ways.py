@@ -209,7 +209,9 @@ def test_the_row_of_a_slider_on_its_track():
     moved[10:] += [6.0, 0.0]
     levels = [Level(t, np.full(14, 300.0), x, np.zeros(4), np.full(4, 0.1), np.zeros(4))
               for t, x in ((0.0, interface.nodes), (6.0, moved))]
-    assert ways.watched(WaysLog(), *levels).share == pytest.approx(0.6)
+    log = ways.watched(WaysLog(), *levels)
+    assert log.share == pytest.approx(0.6)
+    assert "by 0.6 times the length of two edges of its track" in ways.checks(log)[0].what
 
 
 def test_a_row_tells_how_far_surfaces_went():
