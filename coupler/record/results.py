@@ -274,17 +274,23 @@ class Results:
 
     @property
     def seconds_by_part(self) -> dict[str, float]:
-        """Where the wall-clock seconds went; the coupler's are what is left when all others are taken out."""
+        """Where the wall-clock seconds went; the coupler's are what is left when all others are taken out.
+
+        Each half has its own, so seconds in which both worked (`overlap_seconds`) count twice.
+        """
         w = self.windows
         parts = {name: float(w[column].sum()) + self.rewound.get(column, 0.0) for name, column in (
             ("thermal half", "thermal_seconds"), ("mechanical half", "mechanical_seconds"),
             ("FMI and transport", "fmi_seconds"), ("recording", "recording_seconds"))}
         # A killed run left no totals: its windows are then all that is known.
         total = float(self.totals.get("seconds", w.seconds.sum() + parts["recording"]))
-        # Of both halves at the same time each has its seconds, the run has them once.
-        overlap = float(np.nansum(self.timings.overlap)) if "overlap" in (self.timings.dtype.names or ()) else 0.0
-        return parts | {"coupler": max(total + overlap - sum(parts.values()), 0.0),
+        return parts | {"coupler": max(total + self.overlap_seconds - sum(parts.values()), 0.0),
                         "set-up": float(self.totals.get("setup_seconds", 0.0))}
+
+    @property
+    def overlap_seconds(self) -> float:
+        """Wall-clock seconds in which both halves worked at the same time; 0 in files that did not record it."""
+        return float(np.nansum(self.timings.overlap)) if "overlap" in (self.timings.dtype.names or ()) else 0.0
 
     @property
     def monitors(self) -> dict[str, Array]:

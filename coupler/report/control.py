@@ -285,12 +285,13 @@ def asked(results: Results) -> list[tuple[str, ...]]:
             for verb, v in results.totals.get("contact", {}).items()]
 
 
-def shares_picture(parts: list[Share]) -> Picture | None:
-    """One bar of where the seconds went."""
+def shares_picture(parts: list[Share], both: float = 0.0) -> Picture | None:
+    """One bar of where the seconds went.  both : seconds [s] in which both halves worked, which each of them has."""
     if not sum(p.seconds for p in parts) > 0:
         return None
     figure = page_figure(1.7)
-    ax = styled(figure.subplots(), "wall-clock time [s]", "")
+    twice = f"; {number(both, 3)} s in which both halves worked count twice" if both > 0 else ""
+    ax = styled(figure.subplots(), f"wall-clock time [s]{twice}", "")
     left = 0.0
     for k, part in enumerate(parts):
         ax.barh([0], [part.seconds], left=[left], color=COLOURS[k % len(COLOURS)], label=part.name, height=0.6)
@@ -300,7 +301,7 @@ def shares_picture(parts: list[Share]) -> Picture | None:
     ax.set_xlim(0, left)
     legend_below(figure, ax, columns=6)
     text = ", ".join(f"{p.name} {number(p.seconds, 3)} s" for p in parts)
-    return svg(figure, f"Where the time went: {text}.")
+    return svg(figure, f"Where the time went: {text}{twice}.")
 
 
 # What the rules of a run did: one row a rule, then its firings.

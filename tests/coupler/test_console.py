@@ -114,6 +114,16 @@ def test_what_was_told_at_the_start_is_not_told_again(tmp_path: Path) -> None:
     assert "note: a note of the run" not in summary(results, printed={"a note of the run"})
 
 
+def test_seconds_in_which_both_halves_worked_are_told_once(tmp_path: Path) -> None:
+    results = write_run(tmp_path / "run.h5")
+    alone = f"{0.05 * int(results.windows.taken.sum()):.1f} s after 0.5 s of set-up"
+    assert alone in summary(results)
+    assert "at the same time" not in summary(results)
+    results.timings = np.rec.array([(0.2,), (0.1,)], dtype=[("overlap", float)])
+    assert alone in summary(results)  # the run took no longer
+    assert "(both halves at the same time: 0.3 s)" in summary(results)
+
+
 def test_notes_of_windows_are_remembered_as_told() -> None:
     line, file = shown()
     line(replace(FIRST, notes=("it rings",)))
