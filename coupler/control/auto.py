@@ -25,7 +25,7 @@ from coupler.control.contact_status import pressed
 from coupler.control.cost import SchemeCosts, learned
 from coupler.control.error_estimate import Estimate
 from coupler.control.gain import ROUND_OFF
-from coupler.control.unannounced import front_moves, open_gaps
+from coupler.control.unannounced import front_moves, open_gaps, other_gaps
 from coupler.scenario.options import Iteration, MeasuredIteration, Scheme, Seen
 from coupler.schemes.accounts import AHEAD
 from coupler.schemes.ledger import MOVED
@@ -78,6 +78,9 @@ DRIVEN, ALONG = 0.8, 0.1
 # rho is measured again when T, x or t_N have gone so many of the longest steps they took in a window, twice as many
 # each time, for rho drifts with them.  What hardly moves any more needs no measuring.
 FIRST_REST, LONGEST_REST = 1, 64
+# Where it lets x only be held or damped it is measured again after so many at the latest: one that has become smaller
+# lets x be extrapolated.  (Two rods that oscillate: measured where their gap is least it stayed so for ten periods.)
+HELD_REST = 8
 # Ratios of iterates of one window that differ by more were taken far from its solution: the measure is rough.
 ROUGH, ROUGH_REST = 1.5, 2
 # Two successive ratios that differ by less than this share agree.
@@ -89,8 +92,6 @@ LOWERS = 0.5
 LONGER = 2.0
 # Part of the nodes that touch may change before rho is measured anew: blocks that slide change a few in every window.
 OTHER_TOUCH = 0.25
-# So may what heat across open gaps can feed back, which goes with 1/gap^2, by this factor.
-OTHER_GAPS = 4.0
 # Misses of the prediction that turn round so many times on end and are at least MAX_GAIN_DAMPED times as long each
 # time, above LEAST_MISS of the differences of temperature, or what solvers leave where all is even, are an alternation
 # that hardly dies: rho is measured at once.
@@ -204,7 +205,9 @@ def choose(memory: Memory, state: CoupledState, H: float, freezes: bool = False,
         return SchemeChoice(Scheme.ITERATED, f"contraction {rho:.2g}, too much for windows solved once")
     if memory.turns >= (TURNS if memory.rho * memory.alternating_gain > MIN_COUPLING_GAIN else 2 * TURNS):
         return SchemeChoice(Scheme.ITERATED, "windows solved once go up and down: the contraction is measured again")
-    if memory.since >= memory.rest:
+    # fault: a contraction that was large once is believed for long -> if memory.since >= memory.rest: |
+    #   coupler/test_auto
+    if memory.since >= (min(memory.rest, HELD_REST) if extrapolation < 0.0 else memory.rest):
         return SchemeChoice(Scheme.ITERATED, f"contraction {rho:.2g} is measured again", loose=loose)
     # fault: auto holds a front that has just begun -> if extrapolation < 0.0 and False: | coupler/test_auto
     if extrapolation < 0.0 and len(state.past) == 1 and front_moves(state):
@@ -337,7 +340,7 @@ def learn(memory: Memory, start: CoupledState, solved: Solved, H: float, seen: S
     memory = _watched(memory, start, solved)
     other = abs(touching - memory.touching) > OTHER_TOUCH * max(touching, memory.touching)
     # fault: auto trusts a contraction of wide gaps in narrow ones -> if other: | coupler/test_auto
-    if other or max(gaps, memory.gaps) > OTHER_GAPS * min(gaps, memory.gaps):
+    if other or other_gaps(memory.gaps, gaps):
         return replace(memory, rho=math.nan, rest=FIRST_REST)
     # fault: a window at rest counts towards the next measurement -> return replace(memory, since=memory.since + 1.0) |
     #   coupler/test_auto

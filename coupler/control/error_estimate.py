@@ -36,7 +36,13 @@ from coupler.control.quantities import (
     second_differences,
     third_difference,
 )
-from coupler.control.unannounced import faces_otherwise, front_moves, gap_closes
+from coupler.control.unannounced import (
+    faces_otherwise,
+    front_moves,
+    gap_closes,
+    open_gaps,
+    other_gaps,
+)
 from coupler.control.window_size import AIM
 from coupler.errors import in_words
 from coupler.scenario.options import ErrorTolerances, Iteration, Scheme, Seen, Tolerance
@@ -98,6 +104,7 @@ class Measured:
     bent : quantity -> its second difference in that window, over the square of the window.
     shares : quantity -> its error in that window in one, in tolerances.  found : ratios as that window alone told them.
     first : as ratios, over the second differences of that window in one, which has that error itself.
+    gaps [1/m2] : sum of 1/gap^2 of open gaps at its end; nan: not known.
     """
 
     ratios: Mapping[str, float] = field(default_factory=dict)
@@ -109,6 +116,7 @@ class Measured:
     shares: Mapping[str, float] = field(default_factory=dict)
     found: Mapping[str, float] = field(default_factory=dict)
     first: Mapping[str, float] = field(default_factory=dict)
+    gaps: float = math.nan
 
     def holds(self, second: Mapping[str, float], H: float, tolerances: Mapping[str, float]) -> bool:
         """Return whether what happens in a window of H [s] is like what the ratios were measured of.
@@ -138,6 +146,16 @@ class Memory:
         # fault: the ratio of one scheme used for another -> return next(iter(self.by.values()), Measured()) |
         #   coupler/test_estimate
         return self.by.get(scheme.value, Measured())
+
+    def telling(self, scheme: Scheme) -> Measured:
+        """What tells the error of a window: what was measured of its scheme, or, where that is old, of windows solved
+        once, which are no better than those that are iterated.
+        """
+        known, once = self.of(scheme), self.of(Scheme.EXTRAPOLATED)
+        # fault: a window that is iterated to measure rho is solved in halves, too -> borrows = False |
+        #   coupler/test_estimate_ratios
+        borrows = scheme is Scheme.ITERATED and known.ratios and known.left <= 0 < once.left
+        return once if borrows else known
 
 
 @dataclass(frozen=True)
@@ -196,13 +214,15 @@ def wanted(memory: Memory, start: CoupledState, span: Span, scheme: Scheme, end:
 
     end : the level to which the window came in one.  pairs : the pair nodes of each pair.
     """
-    H, known = span.end - start.now.t, memory.of(scheme)
+    H, known = span.end - start.now.t, memory.telling(scheme)
     return (not known.ratios or known.left <= 0 or not start.past
             # fault: errors carried on while a front moves -> or not 1.0 / CHANGED <= H / known.H <= CHANGED |
             #   coupler/test_estimate
             or not 1.0 / CHANGED <= H / known.H <= CHANGED or front_moves(start)
             # fault: a window in which a gap closes is not measured -> or False | coupler/test_estimate
             or gap_closes(start.now, end)
+            # fault: a ratio of wide gaps holds of narrow ones -> or False | coupler/test_estimate_ratios
+            or other_gaps(known.gaps, open_gaps(end))
             # fault: where a surface slides off another the error is carried on -> ) | coupler/test_sliding_off
             or faces_otherwise(pairs, start, end))
 
@@ -214,7 +234,7 @@ def estimate(memory: Memory, start: CoupledState, solved: Solved, tolerance: Err
     solved.whole : the outcome of the same window in one, where `solved` is that of its two halves.
     cells : of the bodies, whose elastic strain is looked at where the mechanical half tells it.
     """
-    known = memory.of(solved.scheme)
+    known = memory.telling(solved.scheme)
     if solved.whole is None and not known.ratios:
         return None
     levels = (solved.state.now, start.now, *start.past)
@@ -322,7 +342,8 @@ def after(memory: Memory, start: CoupledState, solved: Solved, found: Estimate |
     late = scheme_of(solved.scheme).sees_start_T
     first = {n: r * (ratios[n] / found.ratios[n] if found.ratios[n] > 0.0 else 1.0) for n, r in found.first.items()
              if not late}
-    now = Measured(ratios, H, pause, pause, bend, bent, found.whole, found.ratios, first)
+    now = Measured(ratios, H, pause, pause, bend, bent, found.whole, found.ratios, first,
+                   open_gaps(solved.state.now))
     return Memory({**by, name: now}, rate, changed, True)
 
 

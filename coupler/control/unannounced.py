@@ -42,6 +42,18 @@ def open_gaps(level: Level) -> float:
     return float((1.0 / np.maximum(gap[gap > touch], thin(level))**2).sum())
 
 
+# What heat across open gaps feeds back goes with 1/gap^2: what was measured of the exchange holds up to this factor.
+OTHER_GAPS = 4.0
+
+
+def other_gaps(then: float, now: float) -> bool:
+    """Whether open gaps feed back so much more or less than then that what was measured does not hold.
+
+    then, now [1/m2] : `open_gaps`; nan: not known.
+    """
+    return now > OTHER_GAPS * then or then > OTHER_GAPS * now
+
+
 def gap_closes(start: Level, end: Level) -> bool:
     """Whether some gap, wholly faced at both ends of a window, all but closes in it, or opens.
 

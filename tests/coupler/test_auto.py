@@ -253,6 +253,15 @@ def test_rho_is_asked_for_where_it_is_not_known():
     assert slid.rho == 0.1
 
 
+def test_rho_that_lets_x_only_be_held_is_measured_again_soon():
+    """Where it has become smaller since x may be extrapolated; where it is small already nothing is gained."""
+    state, held = at_two(), Memory(rho=0.3, H=1.0, rest=64, since=8.0)
+    assert "measured again" in choose(held, state, 1.0).reason
+    assert choose(replace(held, since=7.0), state, 1.0).extrapolation < 0.0
+    assert choose(replace(held, rho=0.1), state, 1.0).scheme is Scheme.EXTRAPOLATED
+    assert "measured again" in choose(replace(held, rho=0.1, since=64.0), state, 1.0).reason
+
+
 def test_rho_is_forgotten_where_open_gaps_feed_back_much_more_or_less_and_measured_where_a_window_was_put_back():
     """Heat across a gap changes with it by 1/gap^2: 3 um in place of 4 feed back 1.8 times as much, 1 um 16 times."""
     def over(gap: float, **more: object):

@@ -12,11 +12,14 @@ import pytest
 
 sys.path.insert(0, str(Path(__file__).resolve().parent))
 
-from test_estimate import RATIOS, X, known_of, level, measured_after, ratio_of, solved_at, told
+from test_estimate import ONE, RATIOS, X, known_of, level, measured_after, ratio_of, solved_at, told
 
 from coupler.control import error_estimate
 from coupler.control.error_estimate import DECIDES, LIKE, Estimate, Measured, Memory
 from coupler.scenario.options import ErrorTolerances, Iteration, Scheme, Tolerance
+from coupler.schemes.levels import Level
+from coupler.schemes.schedule import Clock
+from coupler.schemes.state import Span
 
 LEVELS = [level(t, 900.0 + t * t) for t in (3.0, 2.0, 1.0)]  # H^2 T'' = 2 K
 
@@ -90,3 +93,42 @@ def test_what_comes_late_is_no_error_of_windows_in_one() -> None:
     assert not after.of(Scheme.PARALLEL).first
     assert after.of(Scheme.PARALLEL).ratios == RATIOS
     assert error_estimate.after(Memory(), before.state, replace(halves, scheme=X), found).of(X).first == RATIOS
+
+
+def test_a_window_that_is_iterated_to_measure_rho_is_told_by_windows_solved_once() -> None:
+    """A sixth of the calls of a run went into halves of windows that were iterated for rho alone."""
+    old, fresh = Measured(RATIOS, 1.0, left=-3), Measured({n: 2.0 * r for n, r in RATIOS.items()}, 1.0, left=2)
+    by = {Scheme.ITERATED.value: old, Scheme.EXTRAPOLATED.value: fresh}
+    assert Memory(by).telling(Scheme.ITERATED) is fresh
+    # Not where nothing was ever measured of it: what iterating costs is not known then.
+    assert not Memory({Scheme.EXTRAPOLATED.value: fresh}).telling(Scheme.ITERATED).ratios
+    # Nor where that is old too, nor of any other scheme, nor where what it has of its own is fresh.
+    assert Memory(by | {Scheme.EXTRAPOLATED.value: replace(fresh, left=0)}).telling(Scheme.ITERATED) is old
+    assert Memory(by | {Scheme.STAGGERED.value: old}).telling(Scheme.STAGGERED) is old
+    assert Memory(by | {Scheme.ITERATED.value: replace(old, left=1)}).telling(Scheme.ITERATED).left == 1
+    state, solved = solved_at(LEVELS[1], (LEVELS[2],)).state, solved_at(
+        LEVELS[0], tuple(LEVELS[1:]), scheme=Scheme.ITERATED)
+    span = Span(Clock(16.0), 2 * 2**36, 3 * 2**36, ONE)
+    assert not error_estimate.wanted(Memory(by), state, span, Scheme.ITERATED, LEVELS[0])
+    told = error_estimate.estimate(Memory(by), state, solved, ErrorTolerances(), Iteration())
+    assert told is not None
+    assert told.errors["temperature"] == pytest.approx(2.0 * 2.0 * RATIOS["temperature"])
+
+
+def test_what_was_measured_of_wide_gaps_is_measured_again_in_narrow_ones() -> None:
+    """The error goes with what the exchange feeds back, by 1/gap^2: over a gap that closed from 60 um to 1 it was told
+    to be a twentieth of what it was.
+    """
+    def at(gap: float) -> Level:
+        return replace(LEVELS[0], gap=np.array([gap, np.inf]), covered=np.array([1.0, 0.0]))
+
+    before = solved_at(replace(at(5e-6), t=2.0, T=LEVELS[1].T), (replace(at(5e-6), t=1.0, T=LEVELS[2].T),)).state
+    span = Span(Clock(16.0), 2 * 2**36, 3 * 2**36, ONE)
+    memory = known_of(Measured(RATIOS, 1.0, left=8, gaps=1.0 / 8e-6**2))
+    wanted = [error_estimate.wanted(memory, before, span, Scheme.EXTRAPOLATED, at(gap)) for gap in (6e-6, 3e-6, 20e-6)]
+    assert wanted == [False, True, True]
+    # It is measured in one that is, from there on.
+    one = replace(solved_at(at(3e-6), tuple(LEVELS[1:])), whole=solved_at(at(4e-6), tuple(LEVELS[1:])))
+    found = error_estimate.estimate(memory, before, one, ErrorTolerances(), Iteration())
+    assert found is not None
+    assert error_estimate.after(memory, before, one, found).of(Scheme.EXTRAPOLATED).gaps == pytest.approx(1.0 / 3e-6**2)
