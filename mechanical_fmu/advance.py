@@ -12,7 +12,7 @@ from contact.half.model import Values
 from contact.half.program import ProgramError
 from mechanical_fmu.carrying import carried
 from mechanical_fmu.contact import ContactQuery
-from mechanical_fmu.dynamics import BodyMotion, fly, free_flight, inertia_of, motion_after
+from mechanical_fmu.dynamics import BodyMotion, fly, free_flight, inertia_of, motion_after, rubbed
 from mechanical_fmu.enforcement import solve_step
 from mechanical_fmu.heat import at_frozen_entropy
 from mechanical_fmu.impact import with_its_energy
@@ -157,6 +157,7 @@ class StepResult:
     iterations : of all.  cuts : pieces beyond the first.  residual : largest of the pieces.
     last : what the points remembered when the last piece began, and its length.  work : [J] of all, of what damped
     bodies that contact did not hold yet.  runs : of a program that solves for the inside of bodies.
+    rubbed : (n_q,) [J] heat of friction of all pieces, with inertia; (0,) where contact tells it, or none is made.
     """
 
     balance: ForceBalance
@@ -169,6 +170,7 @@ class StepResult:
     last: PointStep = field(default_factory=PointStep)
     work: float = 0.0
     runs: int = 0
+    rubbed: Floats = field(default_factory=lambda: np.empty(0))
 
 
 class PartWayError(ArithmeticError):
@@ -301,8 +303,9 @@ def _piece(system: System, task: Task, begin: Departure, span: tuple[float, floa
         flight = fly(system, motion, history, dt, loading_at)
         refuse_passing(system, motion.u, flight.balance)
         return StepResult(flight.balance, flight.motion, flight.heat, flight.pieces, 0.0, 0, flight.dt_stable,
-                          flight.last)
+                          flight.last, rubbed=flight.rubbed)
     loading = loading_of(system, task, b, dt, history)
+    heat = np.empty(0)
     if dynamics is None:
         first = predicted(system, motion.u, loading, True)
         equilibrium = solved(system, motion.u, loading, first, None, settings)
@@ -317,9 +320,11 @@ def _piece(system: System, task: Task, begin: Departure, span: tuple[float, floa
         equilibrium = solved(system, motion.u, loading, system.balance(start, loading, True), None, settings)
         found = equilibrium.balance
         after = motion_after(system, motion, found, inertia, dt)
-        after = with_its_energy(system, motion, after, found, loading, owes=last)
+        rubbing, heat = rubbed(system, motion.rubbing, found, dt, b * task.dt)
+        after = with_its_energy(system, motion, after, found, loading, owes=last, heat=float(heat.sum()))
+        after = replace(after, rubbing=rubbing)
     return StepResult(found, after, found.heat, equilibrium.iterations, equilibrium.residual, last=loading.step,
-                      work=equilibrium.work, runs=equilibrium.runs)
+                      work=equilibrium.work, runs=equilibrium.runs, rubbed=heat)
 
 
 def _carried(system: System, flown: Floats, moved: Floats) -> Floats:
@@ -337,4 +342,5 @@ def _joined(first: StepResult, then: StepResult) -> StepResult:
     heat = first.heat + then.heat if first.heat.size else then.heat
     return StepResult(then.balance, then.motion, heat, first.iterations + then.iterations,
                       max(first.residual, then.residual), first.cuts + 1, then.dt_stable, then.last,
-                      first.work + then.work, first.runs + then.runs)
+                      first.work + then.work, first.runs + then.runs,
+                      first.rubbed + then.rubbed if first.rubbed.size else then.rubbed)

@@ -129,10 +129,11 @@ ALONE, OPEN, TOUCHES, SLIPS, TIED = range(5)
 
 
 def contact_variables(n_q: int, slips: bool = False, with_status: bool = False,
-                      tied: bool = False) -> tuple[Variable, ...]:
+                      tied: bool = False, by_end: bool = True) -> tuple[Variable, ...]:
     """List the contact outputs of both mechanical halves; n_q : pair nodes, slips : whether a pair has friction.
 
     with_status : whether the half tells what each of them does.  tied : whether a pair is, and the half has forces.
+    by_end : whether friction heat is by the pressure at the end of a step, not by those of all of it.
     """
     sign = "normal traction, <= 0; of tied pairs > 0 where they are pulled" if tied else "normal traction, <= 0"
     variables = [Variable("contact.t_N", (n_q,), unit="Pa", description=sign, on="pair_nodes"),
@@ -150,9 +151,10 @@ def contact_variables(n_q: int, slips: bool = False, with_status: bool = False,
     if slips:
         variables += [Variable("contact.E_friction", (n_q,), unit="J", description="friction heat of the substep",
                                on="pair_nodes"),
-                      Variable("contact.E_friction.at", (), "output", start="end", kind="String",
-                               variability="constant",
-                               description="at which time of a step the pressure is that makes its friction heat"),
+                      *((Variable("contact.E_friction.at", (), "output", start="end", kind="String",
+                                  variability="constant",
+                                  description="at which time of a step the pressure is that makes its friction heat"),)
+                        if by_end else ()),
                       Variable("contact.slipping", description="contact quadrature points that slip"),
                       Variable("contact.slip_share", (n_q,), unit="1",
                                description="of what a slave node touches, the share at Coulomb's bound",

@@ -21,11 +21,28 @@ Floats = NDArray[np.float64]
 
 # The generalised-alpha method, Newmark's among them.  Eq. (23); coefficients in problem.py.
 
+ROUND = 1e-9  # of a step: what pieces of it may be off by as they add up
+
+
+@dataclass(frozen=True)
+class Rubbing:
+    """Friction at pair nodes, (n_q,) each; (0,) where nothing rubs or it is not known.
+
+    force : [N] at Coulomb's bound, of what slips.  rate : [m/s] at which it slips, or did when it parted.
+    slip : [m] since the start of the step, as contact tells it.
+    """
+
+    force: Floats = field(default_factory=lambda: np.empty(0))
+    rate: Floats = field(default_factory=lambda: np.empty(0))
+    slip: Floats = field(default_factory=lambda: np.empty(0))
+
+
 @dataclass(frozen=True)
 class BodyMotion:
     """u : (n, 2) [m], v : (n, 2) [m/s], a : (n, 2) [m/s2], f : (n, 2) [N] internal less external, all at one time.
 
     push : (n, 2) [N] contact forces of f, (0, 2) where they were not noted.  stored : [J] in the springs of contact.
+    rubbing : friction then.
     """
 
     u: Floats
@@ -34,6 +51,7 @@ class BodyMotion:
     f: Floats
     push: Floats = field(default_factory=lambda: np.empty((0, 2)))
     stored: float = 0.0
+    rubbing: Rubbing = field(default_factory=Rubbing)
 
 
 def inertia_of(masses: Masses, how: DynamicsOptions, now: BodyMotion, dt: float) -> Inertia:
@@ -78,6 +96,30 @@ def contact_of(system: System, found: ForceBalance) -> tuple[Floats, float]:
     return force if system.rigid is None else system.rigid.reduced(force, found.u), found.tractions.stored
 
 
+def rubbed(system: System, before: Rubbing, found: ForceBalance, dt: float, since: float) -> tuple[Rubbing, Floats]:
+    """Return how bodies with inertia rub at the end of dt [s], and the heat of it, (n_q,) [J], (0,) where nothing rubs.
+
+    since : [s] from the start of the step, from which contact tells slip and heat, to that end.
+    Half of a friction force acts at either end of a step, as of any force: that at the end alone, over all of it,
+    makes another heat than bodies lose where surfaces meet and part, and `with_its_energy` gave them the difference
+    back.  What parted slipped on as it did.
+    """
+    if found.tractions is None or not system.contact.slips:
+        return Rubbing(), np.empty(0)
+    slip, touches, known = found.tractions.slip, found.tractions.t_N < 0.0, before.force.size > 0
+    force = np.divide(found.tractions.E_friction, np.abs(slip), out=np.zeros_like(slip), where=slip != 0.0)
+    # Of a step in pieces contact tells what slipped in all of them so far.
+    # fault: slip of the pieces of a step before this one counts again -> later = False |
+    #   mechanical_fmu/test_friction_inertia
+    later = known and since > dt * (1.0 + ROUND)
+    way = np.where(before.slip != 0.0, slip - before.slip, slip * dt / since) if later else slip * dt / since
+    rate = np.where(touches, np.abs(way) / dt, before.rate if known else 0.0)
+    # fault: friction heat of bodies with inertia is by the pressure at the end of steps -> then = force |
+    #   mechanical_fmu/test_friction_inertia
+    then = before.force if known else force
+    return Rubbing(force, rate, slip), 0.5 * dt * rate * (then + force)
+
+
 def end_residual(system: System, found: ForceBalance, motion: BodyMotion) -> Floats:
     """Compute (n, 2) [N] internal less external force and inertia at the end of a step: what holds held components.
 
@@ -108,7 +150,9 @@ def first_motion(system: System, found: ForceBalance, lumped: bool) -> BodyMotio
     v = (v.ravel() * system.constraints.free).reshape(v.shape) if system.rigid is None else v
     v.ravel()[system.constraints.fixed] = 0.0
     f, a = _accelerated(system, found.r.copy(), lumped)
-    return BodyMotion(found.u, v, a, f, *contact_of(system, found))
+    still = found.tractions is not None and system.contact.slips and not found.tractions.n_touching
+    nothing = np.zeros(system.contact.pair_nodes.size if still else 0)
+    return BodyMotion(found.u, v, a, f, *contact_of(system, found), Rubbing(nothing, nothing, nothing))
 
 
 def after_jump(system: System, motion: BodyMotion, added: Floats, lumped: bool) -> BodyMotion:
@@ -153,7 +197,7 @@ ENERGY_ERROR = 0.1
 class Flight:
     """Where a step ended.  heat : (n_cells,) [J] of all pieces.  pieces : how many.  dt_stable : [s] at the end.
 
-    last : the step of the points in the last piece.
+    last : the step of the points in the last piece.  rubbed : (n_q,) [J] heat of friction of all pieces, (0,) without.
     """
 
     motion: BodyMotion
@@ -162,6 +206,7 @@ class Flight:
     pieces: int
     dt_stable: float
     last: PointStep
+    rubbed: Floats
 
 
 def fly(system: System, start: BodyMotion, history: Floats, dt: float,
@@ -171,7 +216,7 @@ def fly(system: System, start: BodyMotion, history: Floats, dt: float,
     history : (n_history,) of points and cells at the start.
     Raises NoEquilibriumError where the energies part or the pieces are too many.
     """
-    now, heat, share, pieces = start, np.empty(0), 0.0, 0
+    now, heat, rub, share, pieces = start, np.empty(0), np.empty(0), 0.0, 0
     m = np.maximum(system.masses.lumped, np.finfo(float).tiny).reshape(-1, 2)
     limit, balance, drift, largest, last = 0.0, None, 0.0, float(np.finfo(float).tiny), PointStep()
     while share < 1.0:
@@ -190,10 +235,12 @@ def fly(system: System, start: BodyMotion, history: Floats, dt: float,
         if abs(drift) > ENERGY_ERROR * largest and pieces > RECHECK_EVERY:
             raise NoEquilibriumError(f"work and kinetic energy part by {abs(drift) / largest:.0%}: the motion is not "
                                      "resolved")
-        now, history, pieces = after, balance.history, pieces + 1
+        rubbing, more = rubbed(system, now.rubbing, balance, h, share * dt)
+        rub = more if rub.size == 0 else rub + more
+        now, history, pieces = replace(after, rubbing=rubbing), balance.history, pieces + 1
         heat = balance.heat if heat.size == 0 else heat + balance.heat
     assert balance is not None
-    return Flight(now, balance, heat, pieces, limit, last)
+    return Flight(now, balance, heat, pieces, limit, last, rub)
 
 
 def _piece(system: System, now: BodyMotion, loading: Loading, h: float) -> tuple[BodyMotion, ForceBalance]:

@@ -71,7 +71,8 @@ def elastic_variables(system: System) -> tuple[Variable, ...]:
                     for b in system.rigid.body]
     # Who reads what lies near reads what is costly by the way, so that is the last.
     return (*inputs, *outputs, *(contact_variables(n_q, system.contact.slips, with_status=True,
-                                                   tied=system.contact.tied is not None) if n_q else ()),
+                                                   tied=system.contact.tied is not None,
+                                                   by_end=not spec.stated.inert) if n_q else ()),
             *mesh_variables(system), *unstable_variables(system))
 
 
@@ -116,6 +117,8 @@ def outputs_of(system: System, found: StepResult, moved: Moved, state: ElasticSt
     if balance.tractions is not None:
         outputs |= contact_outputs(balance.tractions, state.slid if system.contact.slips else None,
                                    system.contact.tied)
+    if found.rubbed.size:
+        outputs["contact.E_friction"] = found.rubbed
     stress = stress_outputs(system, found, moved)
     # Of what a run asks for a dozen times a state in bytes keeps nothing: it would cost a factorisation each.
     seldom = unstable_outputs(system, found, moved)

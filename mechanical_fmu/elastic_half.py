@@ -128,7 +128,7 @@ class ElasticHalf:
         now = found.balance
         contact = begin.contact if begin.as_left else contact_history(system, now, history)
         state = ElasticState(t, now.u, contact, now.u, drive.T, False, drive, t, now.history, motion.v, motion.a,
-                             motion.f, motion.push, motion.stored, damped=found.work,
+                             motion.f, motion.push, motion.stored, motion.rubbing, damped=found.work,
                              slid=np.zeros(system.contact.pair_nodes.size if system.contact.slips else 0))
         outputs = outputs_of(system, found, Moved(loading, u, loading.step.history, drive, False, drive), state)
         return after_release(system, state, found.balance), outputs
@@ -175,7 +175,7 @@ class ElasticHalf:
         contact = contact_history(system, found.balance, state.contact)
         after = replace(after, t=t + h, u=found.balance.u, contact=contact, drive=drive, solved=t + h,
                         history=found.balance.history, v=motion.v, a=motion.a, f=motion.f, push=motion.push,
-                        stored=motion.stored, skipped=0,
+                        stored=motion.stored, rubbing=motion.rubbing, skipped=0,
                         damped=state.damped + found.work, slid=slid(found.balance.tractions, _array(state.slid)))
         moved = Moved(loading, u, _array(state.history), state.drive, frozen is not None, drive)
         outputs = outputs_of(system, found, moved, after)
@@ -213,7 +213,7 @@ class ElasticHalf:
     def _in_pieces(self, state: ElasticState, task: Task, method: str,
                    failed: ArithmeticError | None = None) -> StepResult:
         motion = BodyMotion(_array(state.u), _array(state.v), _array(state.a), _array(state.f), _array(state.push),
-                            state.stored)
+                            state.stored, state.rubbing)
         settings = replace(self.settings, method=method)
         cuts = 0 if method == "explicit" else self.system.spec.stated.cuts
         return in_pieces(self.system, task, Departure(motion, _array(state.history)), settings, cuts, failed)

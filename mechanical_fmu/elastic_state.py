@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from contact.half.contact_client import History
 from contact.half.functions import SNAP
 from mechanical_fmu.advance import StepDrive
+from mechanical_fmu.dynamics import Rubbing
 from mechanical_fmu.system import ForceBalance, System
 
 Floats = NDArray[np.float64]
@@ -24,7 +25,8 @@ class ElasticState:
     drive : what u is in equilibrium with.  solved : the time of that [s]; later steps were skipped.
     history : (n_history,) of points and cells (System.start_history).
     v, a : (n, 2) [m/s], [m/s2], and f : (n, 2) [N] internal less external force; (0, 2) without inertia.
-    push : (n, 2) [N] the contact forces of f, stored : [J] in contact's springs (dynamics.BodyMotion).
+    push : (n, 2) [N] the contact forces of f, stored : [J] in contact's springs, rubbing : friction
+    (dynamics.BodyMotion).
     skipped : steps left out in a row, all_skipped : since the start.
     damped : [J] of what damped bodies that contact did not hold yet, since the start.
     released : numbers of the displacements that prescribe nothing any more.  handed : (n, 2) [N] what held those that
@@ -46,6 +48,7 @@ class ElasticState:
     f: Floats
     push: Floats = field(default_factory=lambda: np.empty((0, 2)))
     stored: float = 0.0
+    rubbing: Rubbing = field(default_factory=Rubbing)
     skipped: int = 0
     all_skipped: int = 0
     damped: float = 0.0

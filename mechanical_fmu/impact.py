@@ -31,11 +31,11 @@ class CoarseImpactError(ArithmeticError):
 
 
 def with_its_energy(system: System, before: BodyMotion, after: BodyMotion, found: ForceBalance,
-                    loading: Loading, owes: bool) -> BodyMotion:
+                    loading: Loading, owes: bool, heat: float = 0.0) -> BodyMotion:
     """Return the motion at the end of a step with the energy that contact left it.
 
     before, after : the motion at both ends.  found : the balance at the end, under loading.  owes : whether what the
-    velocities along the contact forces cannot give up is kept in `stored` for the next step.
+    velocities along the contact forces cannot give up is kept in `stored` for the next step.  heat : [J] by friction.
     Raises CoarseImpactError where they cannot and it may not be owed.
     """
     if found.tractions is None or not len(before.push) or loading.inertia is None:
@@ -43,7 +43,7 @@ def with_its_energy(system: System, before: BodyMotion, after: BodyMotion, found
     mean = 0.5 * (before.push + after.push)
     work = float((mean * (after.u - before.u)).sum())
     # fault: contact gains energy where surfaces part -> excess = 0.0 | mechanical_fmu/test_impact
-    excess = work + after.stored - before.stored + float(found.tractions.E_friction.sum())
+    excess = work + after.stored - before.stored + heat
     how, dt = system.spec.dynamics, loading.step.dt
     assert how is not None
     M = system.masses.matrix(how.lumped)
