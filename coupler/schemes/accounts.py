@@ -20,6 +20,10 @@ AHEAD = frozenset(("contact.E_friction",))
 AT_ONCE = frozenset(("E_S",))  # a temperature jump at the start of the first substep; the others are spread in time
 
 
+# Pressures (n_q,) [Pa] at the start and the end of a window, of the places of an account.
+Pressed = tuple[Array, Array]
+
+
 @dataclass(frozen=True)
 class Foreseen:
     """Heat that goes on as it went is handed over before it is made: that of H [s].
@@ -81,22 +85,26 @@ class EnergyAccount:
         #   float(handed.sum())) | scenarios/test_friction_heat
         return replace(self, carry=self.carry - handed, delivered=self.delivered + float(handed.sum()), late=late)
 
-    def make(self, energy: Array | float, H: float, step: float, fresh: bool) -> EnergyAccount:
+    def make(self, energy: Array | float, H: float, step: float, fresh: bool,
+             pressed: Pressed | None = None) -> EnergyAccount:
         """Return the account after the mechanical half made an energy in a window of H [s].
 
         energy : same shape as the carry [J]; a float, 0.0, where the half makes none.  step [s] : of the half in it.
         fresh : nothing is known of the power before this window, or all that is made is handed over as it is.
-        What is made by the forces at the end of steps is (P' - P)/2 times a step more than the trapezoidal rule says,
-        in a window whose power goes from P to P': that belongs to later times.  Where histories begin anew, or nothing
-        is made any more, the trapezoidal rule has the last word: what it says is what was made.
+        pressed : pressures at the start and the end of the window; None: its power changes as they do.
+        What is made by the forces at the end of steps is (p' - p)/2 times a step and the rate of slip more than the
+        trapezoidal rule says, in a window whose pressure goes from p to p': that belongs to later times.  Where
+        histories begin anew, or nothing is made any more, the trapezoidal rule has the last word: what it says is what
+        was made.
         """
         if isinstance(energy, float):
             return self
         late = None
         if self.at_end and not fresh and self.power is not None and energy.any():
+            known = 0.0 if self.late is None else self.late
             # fault: friction heat is that of the pressure at the end of a window -> late = None |
             #   coupler/test_friction_order
-            late = 0.5 * step * (energy / H - self.power) + (0.0 if self.late is None else self.late)
+            late = 0.5 * step * _by_pressure(self.power, energy / H, pressed) + known
         # fault: friction heat forgotten between windows -> carry = self.carry | coupler/test_accounts
         carry, made = self.carry + energy, self.made + float(energy.sum())
         # fault: what belonged to later times is left over when friction ends -> if False: | coupler/test_accounts
@@ -107,6 +115,19 @@ class EnergyAccount:
         age = 0.5 * (H - step) if self.at_end else 0.5 * H
         slope = None if fresh or self.power is None else (energy / H - self.power) / (H - age + self.age)
         return replace(self, carry=carry, made=made, power=energy / H, late=late, slope=slope, age=age)
+
+
+def _by_pressure(before: Array, power: Array, pressed: Pressed | None) -> Array:
+    """How much of a change of power [W] is that of pressure, (n_q,).  before, power : in the last window and in this.
+
+    A power is p v, so p' v - p v = (P + P') (p' - p)/(p + p') with the mean rate of slip v = (P + P')/(p + p').  What
+    begins to slip, or slips faster, under the same pressure makes at the end of a step what it made in the mean.
+    """
+    if pressed is None:
+        return power - before
+    both = pressed[0] + pressed[1]
+    # fault: what slips faster is taken for what is pressed harder -> return power - before | coupler/test_accounts
+    return np.divide((before + power) * (pressed[1] - pressed[0]), both, out=np.zeros_like(power), where=both > 0.0)
 
 
 Accounts = Mapping[str, EnergyAccount]
@@ -143,12 +164,15 @@ def delivered(accounts: Accounts, handed: Mapping[str, Array], taken: Container[
             for n, a in accounts.items()}
 
 
-def with_made(accounts: Accounts, made: Mapping[str, Array], times: Sequence[float],
-              fresh: bool) -> dict[str, EnergyAccount]:
+def with_made(accounts: Accounts, made: Mapping[str, Array], times: Sequence[float], fresh: bool,
+              t_N: tuple[Array, Array]) -> dict[str, EnergyAccount]:
     """Return the accounts after a mechanical half went over a window: what it made is due.
 
     made : same shape as the carry [J] of each account, by block; a block that is missing made nothing.
     times : of the half's steps [s].  fresh : as of EnergyAccount.make.
+    t_N : (n_q,) [Pa] each, at the start and the end of the window, <= 0 where surfaces press.
     """
     H = times[-1] - times[0]
-    return {n: a.make(made.get(n, 0.0), H, H / (len(times) - 1), fresh) for n, a in accounts.items()}
+    p, p_end = (np.maximum(-t, 0.0) for t in t_N)
+    return {n: a.make(made.get(n, 0.0), H, H / (len(times) - 1), fresh,
+                      (p, p_end) if a.carry.shape == p.shape == p_end.shape else None) for n, a in accounts.items()}

@@ -353,7 +353,8 @@ def thermal_first(halves: Halves, state: CoupledState, span: Span, slope: Slope 
     mechanical = mechanical_pass(halves, replace(state, sent=thermal.sent), span.times("mechanical"),
                                  thermal.outputs, thermal.work)
     fresh = ahead is None or not state.past
-    accounts = with_made(thermal.accounts, mechanical.made, span.times("mechanical"), fresh)
+    times, t_N = span.times("mechanical"), _pressed(state, mechanical)
+    accounts = with_made(thermal.accounts, mechanical.made, times, fresh, t_N)
     return _swept(state, span, thermal, mechanical, accounts)
 
 
@@ -367,7 +368,7 @@ def at_once(halves: Halves, state: CoupledState, span: Span) -> Swept:
     now = exchanged(state.now)
     thermal, mechanical = _together([_thermal(halves, state, span.times("thermal"), None, NO_WORK),
                                      _mechanical(halves, state, span.times("mechanical"), now, NO_WORK)])
-    accounts = with_made(thermal.accounts, mechanical.made, span.times("mechanical"), fresh=True)
+    accounts = with_made(thermal.accounts, mechanical.made, span.times("mechanical"), True, _pressed(state, mechanical))
     sent = {one.side: one.sent[one.side] for one in (thermal, mechanical) if one.side in one.sent}
     last = replace(mechanical, sent=sent, work=thermal.work.plus(mechanical.work))
     return _swept(state, span, thermal, last, accounts)
@@ -382,9 +383,9 @@ def mechanical_first(halves: Halves, state: CoupledState, span: Span, end: Mappi
     """
     times, fresh = span.times("mechanical"), not state.past
     mechanical = mechanical_pass(halves, state, times, end, done)
-    # fault: heat of the last iterate forgotten -> made = replace(state, sent=mechanical.sent, accounts=state.accounts)
-    #   | coupler/test_iterated
-    made = replace(state, sent=mechanical.sent, accounts=with_made(state.accounts, mechanical.made, times, fresh))
+    # fault: heat of the last iterate forgotten -> accounts = state.accounts | coupler/test_iterated
+    accounts = with_made(state.accounts, mechanical.made, times, fresh, _pressed(state, mechanical))
+    made = replace(state, sent=mechanical.sent, accounts=accounts)
     # fault: an iterated window holds x and t_N as they were at its start -> slope = None |
     #   scenarios/test_casting_order::test_order_of_the_exchange_between_two_cells[Scheme.ITERATED-2.0-2.5e-13]
     slope = (state.now, _level(state.now, span, {}, mechanical.outputs))
@@ -392,6 +393,11 @@ def mechanical_first(halves: Halves, state: CoupledState, span: Span, end: Mappi
     #   span.times("thermal"), None, mechanical.work, at_end) | coupler/test_schemes
     thermal = thermal_pass(halves, made, span.times("thermal"), slope, mechanical.work, at_end, ahead=Foreseen(0.0))
     return _swept(state, span, mechanical, thermal, thermal.accounts)
+
+
+def _pressed(state: CoupledState, mechanical: Pass) -> tuple[Array, Array]:
+    """t_N at the start and the end of a mechanical pass, (n_q,) [Pa] each."""
+    return state.now.t_N, mechanical.outputs.get("contact.t_N", state.now.t_N)
 
 
 def _swept(state: CoupledState, span: Span, first: Pass, last: Pass, accounts: Mapping[str, EnergyAccount]) -> Swept:
