@@ -136,6 +136,8 @@ Flags = NDArray[np.bool_]
 # Rays reach an edge's length behind a surface, but along tilted normals; a node at the very end that penetrates as the
 # penalty allows is far from this.
 MAX_DEPTH = 0.5  # of the longest edge
+# Surfaces that lie against each other are no farther apart than this share of an edge: how numbers are written.
+LYING = 1e-6
 # Of gap_max: a node so far before the other side has left it by its gap.  Arcs to a tilted side are longer.
 BEYOND = 0.9
 
@@ -144,12 +146,14 @@ BEYOND = 0.9
 class ContactSample:
     """Contact at the end of a window.
 
-    x : (n_nodes, 2) [m].  t_N : (n_q,) [Pa] and covered : (n_q,) [1], the part that faces something, of pair nodes.
+    x : (n_nodes, 2) [m].  Of pair nodes t_N : (n_q,) [Pa], covered : (n_q,) [1], the part that faces something, and
+    gap : (n_q,) [m].
     """
 
     x: Floats
     t_N: Floats
     covered: Floats
+    gap: Floats
 
 
 @dataclass(frozen=True)
@@ -166,12 +170,14 @@ class ContactLog:
 
     faced : pairs of which something faced something.  slid : pair -> slave nodes that slid off.  lost : pairs of
     which a node went through.  far : pair -> slave nodes that went farther from the master than gap_max.
+    otherwise : pairs that once pressed, or did not lie against each other.
     """
 
     faced: frozenset[str] = frozenset()
     slid: Mapping[str, Slid] = field(default_factory=dict)
     far: Mapping[str, Slid] = field(default_factory=dict)
     lost: frozenset[str] = frozenset()
+    otherwise: frozenset[str] = frozenset()
 
 
 class _Suspects(NamedTuple):
@@ -186,11 +192,12 @@ class ContactMonitor:
     """Note contact losses of a scene's pairs, window after window.
 
     crosses : pair -> conductance [W/m2K] that its laws have at gap_max, where that is no little part of what they have
-    in touch.
+    in touch.  torn : pair -> conductance at no gap and at no pressure [W/m2K], where they differ.
     """
 
-    def __init__(self, interface: Interface, crosses: Mapping[str, float] | None = None) -> None:
-        self.interface, self.crosses = interface, crosses or {}
+    def __init__(self, interface: Interface, crosses: Mapping[str, float] | None = None,
+                 torn: Mapping[str, tuple[float, float]] | None = None) -> None:
+        self.interface, self.crosses, self.torn = interface, crosses or {}, torn or {}
 
     @cached_property
     def sides(self) -> dict[str, tuple[PairSide, ...]]:
@@ -209,6 +216,8 @@ class ContactMonitor:
             sides = self.sides[pair.name]
             if pair.name not in log.faced and all(now.covered[side.at].any() for side in sides):
                 log = replace(log, faced=log.faced | {pair.name})
+            if pair.name in self.torn and pair.name not in log.otherwise and not self._lies(pair, now):
+                log = replace(log, otherwise=log.otherwise | {pair.name})
             # fault: heat ends beyond gap_max without a word -> if False: | contact/test_notes
             if pair.name in self.crosses and left.any():
                 log = self._beyond(log, pair, t, sides[0].nodes[left[sides[0].at]], now)
@@ -220,6 +229,13 @@ class ContactMonitor:
                         log, said = self._classify(log, pair.name, t, _Suspects(side.surface, suspects, other), now)
                         notes += said
         return log, tuple(notes)
+
+    def _lies(self, pair: Pair, now: ContactSample) -> bool:
+        """Whether a pair's surfaces lie against each other and nothing presses them."""
+        slave = self.sides[pair.name][0].at
+        near = now.gap[slave][now.covered[slave] > 0.0]
+        least = float(edge_lengths(self.interface, pair.slave).min())
+        return bool(near.size) and not now.t_N[slave].any() and float(near.min()) <= LYING * least
 
     def _beyond(self, log: ContactLog, pair: Pair, t: float, nodes: NDArray[np.int32],
                 now: ContactSample) -> ContactLog:
@@ -249,7 +265,19 @@ class ContactMonitor:
                              f"than gap_max, {pair.gap_max:.3g} m, the first by t = {far.first:.6g} s: no heat crosses "
                              f"there, though at that gap {self.crosses[pair.name]:.3g} W/m2K would. State a larger "
                              "gap_max")
+            notes += self._never_pressed(log, pair)
         return notes
+
+    def _never_pressed(self, log: ContactLog, pair: Pair) -> list[str]:
+        """Note surfaces that lay against each other for the whole run, and conducted as if they were apart."""
+        apart, touching = self.torn.get(pair.name, (0.0, 0.0))
+        # fault: surfaces that nothing presses conduct nothing without a word -> if True: | contact/test_notes
+        if touching <= apart or pair.name in log.otherwise or pair.name not in log.faced or pair.tied:
+            return []
+        return [f"pair {pair.name}: {pair.slave} and {pair.master} lay against each other, but nothing ever pressed "
+                f"them, so they conducted {apart:.3g} W/m2K as if they were apart, and not the {touching:.3g} W/m2K of "
+                f"`closed`. State a pressure (half rigid: mechanical.rigid.pressure.{pair.name}), press them together, "
+                "or let `open` conduct as much at no gap"]
 
     def _classify(self, log: ContactLog, name: str, t: float, who: _Suspects,
                   now: ContactSample) -> tuple[ContactLog, list[str]]:

@@ -44,12 +44,13 @@ OF_THE_EXCHANGE: Mapping[str, tuple[str, ...]] = {
 class ContactWarnings:
     """Contact that was lost, of a run whose mechanical half says which nodes face something (outputs).
 
-    Of any other run nothing is known.  crosses : as in ContactMonitor.
+    Of any other run nothing is known.  crosses, torn : as in ContactMonitor.
     """
 
-    def __init__(self, interface: Interface, outputs: Collection[str], crosses: Mapping[str, float]) -> None:
+    def __init__(self, interface: Interface, outputs: Collection[str], crosses: Mapping[str, float],
+                 torn: Mapping[str, tuple[float, float]]) -> None:
         told = "contact.covered" in outputs and interface.pairs
-        self._watch = ContactMonitor(interface, crosses) if told else None
+        self._watch = ContactMonitor(interface, crosses, torn) if told else None
         self._seen = ContactLog()
         self._said: tuple[str, ...] = ()
 
@@ -76,7 +77,7 @@ class ContactWarnings:
 
 
 def _contact(level: Level) -> ContactSample:
-    return ContactSample(level.x, level.t_N, level.covered)
+    return ContactSample(level.x, level.t_N, level.covered, level.gap)
 
 
 # Outputs that are recorded but not exchanged.

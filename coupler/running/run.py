@@ -130,7 +130,7 @@ class Run:
             self._snapshots = Snapshots(self.halves)
             thermal = self.scenario.models["thermal"]
             self._warnings = ContactWarnings(interface, self.halves.mechanical_outputs, crossing_at_reach(
-                thermal, interface.pairs, mean_T0(thermal, interface)))
+                thermal, interface.pairs, mean_T0(thermal, interface)), self.plan.torn.pairs)
             self._damping = DampingNotes()
             self.notes += seen.outputs.notes
             self._at = first(first_state(launched, self.halves, interface, self.scenario.coupling.end,

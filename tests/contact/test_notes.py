@@ -87,14 +87,17 @@ def contact(interface: Interface, move: Floats | None = None, pressed: bool = Fa
     x = interface.nodes.copy()
     x[:N] += 0.0 if move is None else move
     t_N = np.full(2 * N, -1.0 if pressed else 0.0)
-    return ContactSample(x, t_N, facing_at(interface, x).node_covered)
+    facing = facing_at(interface, x)
+    return ContactSample(x, t_N, facing.node_covered, facing.node_gap)
 
 
-def after(interface: Interface, *moves: Floats, crosses: dict[str, float] | None = None
-          ) -> tuple[ContactLog, list[str]]:
-    watch, seen, said = ContactMonitor(interface, crosses), ContactLog(), []
+def after(interface: Interface, *moves: Floats, crosses: dict[str, float] | None = None,
+          torn: dict[str, tuple[float, float]] | None = None, pressed: bool = False) -> tuple[ContactLog, list[str]]:
+    """pressed : at the end of the first window, too."""
+    watch, seen, said = ContactMonitor(interface, crosses, torn), ContactLog(), []
     for k, move in enumerate(moves):
-        seen, notes = watch.after_window(seen, float(k + 1), contact(interface, pressed=True), contact(interface, move))
+        now = contact(interface, move, pressed and k == 0)
+        seen, notes = watch.after_window(seen, float(k + 1), contact(interface, pressed=True), now)
         said += notes
     return seen, said + watch.at_end(seen, contact(interface, moves[-1]).x)
 
@@ -125,6 +128,22 @@ def test_heat_that_ends_beyond_gap_max_is_told() -> None:
             assert said == [f"pair p: 5 nodes of upper.bottom went farther from lower.top than gap_max, {gap_max:.3g} "
                             "m, the first by t = 2 s: no heat crosses there, though at that gap 45 W/m2K would. State "
                             "a larger gap_max"]
+
+
+@pytest.mark.parametrize(("gaps", "laws", "pressed", "told"), [
+    ((0.0, 0.0), (0.0, 1500.0), False, True), ((0.0, 1e-8), (20.0, 1500.0), False, True),
+    ((0.0, 0.0), (0.0, 1500.0), True, False), ((0.0, 1e-3), (0.0, 1500.0), False, False),
+    ((0.0, 0.0), (1500.0, 20.0), False, False), ((0.0, 0.0), None, False, False)])
+def test_surfaces_that_touch_but_never_press_are_told(gaps: tuple[float, float], laws: tuple[float, float] | None,
+                                                      pressed: bool, told: bool) -> None:
+    """Two bars drawn in touch, half rigid, `closed` of 1500 W/m2K, `open: null`: no heat crossed, with exit 0."""
+    moves = [np.array([0.0, gap]) for gap in gaps]
+    said = after(strips(), *moves, torn=laws and {"p": laws}, pressed=pressed)[1]
+    assert len(said) == told
+    if told:
+        assert laws is not None
+        assert f"they conducted {laws[0]:g} W/m2K as if they were apart, and not the 1.5e+03 W/m2K of" in said[0]
+        assert "mechanical.rigid.pressure.p" in said[0]
 
 
 @pytest.mark.parametrize("sink", [0.0, 1e-3])
