@@ -120,6 +120,18 @@ def told(turned: list[float], joins: bool = True) -> tuple[Memory, Settings]:
 
 
 @pytest.mark.fast
+@pytest.mark.parametrize(("pressure", "told"), [({}, True), ({"face": 1.0e5}, False)])
+def test_a_run_tells_a_pair_that_touches_and_is_never_pressed(pressure: dict[str, float], told: bool,
+                                                              tmp_path: Path) -> None:
+    """The wall warms by what crosses the face, and not at all without a pressure."""
+    at = {"bodies.wall.mesh.rectangle.origin": [0.1, 0], "mechanical": {"half": "rigid", "rigid": {
+        "pressure": pressure}}, "coupling": {"end": 20, "windows": [{"until": 20, "size": 5}]},
+        "thermal.boundary": [{"on": "rod.left", "temperature": 90}]}
+    results = run(load_scenario(scene(tmp_path), at), tmp_path / "run.h5")
+    assert any("lay against each other, but nothing ever pressed" in note for note in results.notes) is told
+    assert (results.ledger["stored.wall"] == 0.0) is told
+
+
 def test_only_pairs_whose_law_jumps_and_that_turn_soon_are_joined() -> None:
     memory, settings = told([0.9 * k * SHARE * 100.0 / TURNS for k in range(3 * TURNS)])
     assert len(memory.notes) == 1
