@@ -216,7 +216,7 @@ class _Look:
         self.saved.roll_back("a window is only looked at")
         before, span = self.before, self.span
         state = replace(before, accounts=with_made(before.accounts, heat.made, span.times("mechanical"),
-                                                   not before.past, (before.now.t_N, heat.level.t_N)))
+                                                   not before.past, (before.now.pressed, heat.level.pressed)))
         thermal = thermal_pass(self.halves, state, span.times("thermal"), (before.now, geometry), NO_WORK,
                                ahead=Foreseen(0.0))
         return replace(geometry, T=thermal.outputs["T"])

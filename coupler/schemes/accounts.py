@@ -20,7 +20,7 @@ AHEAD = frozenset(("contact.E_friction",))
 AT_ONCE = frozenset(("E_S",))  # a temperature jump at the start of the first substep; the others are spread in time
 
 
-# Pressures (n_q,) [Pa] at the start and the end of a window, of the places of an account.
+# What presses on the places of an account at the start and the end of a window (Level.pressed), (n_q,) [Pa] each.
 Pressed = tuple[Array, Array]
 
 
@@ -91,7 +91,7 @@ class EnergyAccount:
 
         energy : same shape as the carry [J]; a float, 0.0, where the half makes none.  step [s] : of the half in it.
         fresh : nothing is known of the power before this window, or all that is made is handed over as it is.
-        pressed : pressures at the start and the end of the window; None: its power changes as they do.
+        pressed : at the start and the end of the window; None: power changes as pressure does.
         What is made by the forces at the end of steps is (p' - p)/2 times a step and the rate of slip more than the
         trapezoidal rule says, in a window whose pressure goes from p to p': that belongs to later times.  Where
         histories begin anew, or nothing is made any more, the trapezoidal rule has the last word: what it says is what
@@ -165,14 +165,13 @@ def delivered(accounts: Accounts, handed: Mapping[str, Array], taken: Container[
 
 
 def with_made(accounts: Accounts, made: Mapping[str, Array], times: Sequence[float], fresh: bool,
-              t_N: tuple[Array, Array]) -> dict[str, EnergyAccount]:
+              pressed: Pressed) -> dict[str, EnergyAccount]:
     """Return the accounts after a mechanical half went over a window: what it made is due.
 
     made : same shape as the carry [J] of each account, by block; a block that is missing made nothing.
     times : of the half's steps [s].  fresh : as of EnergyAccount.make.
-    t_N : (n_q,) [Pa] each, at the start and the end of the window, <= 0 where surfaces press.
     """
     H = times[-1] - times[0]
-    p, p_end = (np.maximum(-t, 0.0) for t in t_N)
     return {n: a.make(made.get(n, 0.0), H, H / (len(times) - 1), fresh,
-                      (p, p_end) if a.carry.shape == p.shape == p_end.shape else None) for n, a in accounts.items()}
+                      pressed if a.carry.shape == pressed[0].shape == pressed[1].shape else None)
+            for n, a in accounts.items()}

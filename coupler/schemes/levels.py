@@ -36,6 +36,17 @@ class Level:
     heat: Array | None = None
     elastic_strain: Array | None = None
 
+    @property
+    def pressed(self) -> Array:
+        """Pressure over all of a node's part of the side, (n_q,) [Pa] >= 0: less where only a share of it is faced.
+
+        A half that does not tell the shares has 0 in `covered`.
+        """
+        # fault: what slides off a node is taken for pressed as hard as ever -> share = 1.0 |
+        #   coupler/test_friction_order
+        share = np.where(self.covered > 0.0, self.covered, 1.0)
+        return np.maximum(-self.t_N, 0.0) * share
+
 
 Slope = tuple[Level, Level]  # two levels, the earlier first, between which x and t_N change as over the window
 

@@ -353,8 +353,8 @@ def thermal_first(halves: Halves, state: CoupledState, span: Span, slope: Slope 
     mechanical = mechanical_pass(halves, replace(state, sent=thermal.sent), span.times("mechanical"),
                                  thermal.outputs, thermal.work)
     fresh = ahead is None or not state.past
-    times, t_N = span.times("mechanical"), _pressed(state, mechanical)
-    accounts = with_made(thermal.accounts, mechanical.made, times, fresh, t_N)
+    times, pressed = span.times("mechanical"), _pressed(state, mechanical)
+    accounts = with_made(thermal.accounts, mechanical.made, times, fresh, pressed)
     return _swept(state, span, thermal, mechanical, accounts)
 
 
@@ -396,8 +396,11 @@ def mechanical_first(halves: Halves, state: CoupledState, span: Span, end: Mappi
 
 
 def _pressed(state: CoupledState, mechanical: Pass) -> tuple[Array, Array]:
-    """t_N at the start and the end of a mechanical pass, (n_q,) [Pa] each."""
-    return state.now.t_N, mechanical.outputs.get("contact.t_N", state.now.t_N)
+    """What presses at the start and the end of a mechanical pass (Level.pressed), (n_q,) [Pa] each."""
+    now = state.now
+    end = replace(now, t_N=mechanical.outputs.get("contact.t_N", now.t_N),
+                  covered=mechanical.outputs.get("contact.covered", now.covered))
+    return now.pressed, end.pressed
 
 
 def _swept(state: CoupledState, span: Span, first: Pass, last: Pass, accounts: Mapping[str, EnergyAccount]) -> Swept:

@@ -166,7 +166,7 @@ def test_only_power_that_pressure_makes_belongs_to_later_times(p, v, p_end, v_en
     """
     account = EnergyAccount(np.zeros(2), power=np.array([p * v, 1.0]), at_end=True)
     told = with_made({"E": account}, {"E": 0.5 * np.array([p_end * v_end, 1.0])}, (1.0, 1.5), False,
-                     (np.array([-p, -1.0]), np.array([-p_end, -1.0])))["E"]
+                     (np.array([p, 1.0]), np.array([p_end, 1.0])))["E"]
     assert told.late == pytest.approx([0.25 * (p_end - p) * max(v, v_end) if p != p_end else 0.0, 0.0])
 
 
