@@ -19,7 +19,7 @@ from coupler.record.observe import ConditionReader, ExtraOutputs, ProbeReader, f
 from coupler.record.recorder import Recorder, WindowRecord
 from coupler.scenario import Scenario
 from coupler.scenario.options import Scheme
-from coupler.scenario.scales import slight_temperature
+from coupler.scenario.scales import slight_errors
 from coupler.scenario.timing import Frames
 from coupler.schemes.ledger import Ledger
 from coupler.schemes.levels import Level
@@ -54,7 +54,7 @@ class Observer:
                                  scenario.coupling.substeps["mechanical"],
                                  scenario.coupling.scheme is Scheme.ITERATED, _fits(scenario),
                                  scenario.coupling.substeps["thermal"],
-                                 slight_temperature(interface, scenario.models, scenario.coupling))
+                                 slight_errors(interface, scenario.models, scenario.coupling))
         self.watched = self.probes.measurable if units else self._watch.means
         self.conditions = ConditionReader(scenario.conditions, self._both)
         self.outputs = ExtraOutputs(halves, interface)

@@ -113,6 +113,17 @@ def slight_temperature(interface: Interface, models: Mapping[str, Mapping[str, A
     return min(of_scene, options.adaptive.tolerance.temperature.atol)
 
 
+def slight_errors(interface: Interface, models: Mapping[str, Mapping[str, Any]],
+                  options: CouplingOptions) -> dict[str, float]:
+    """Return by unit [SI] how far off what a run tells may be without harm.
+
+    Temperatures by what windows may err by.  Places and pressures by what iterations may leave of them: all of a stiff
+    body's strain may be less than what windows are allowed.
+    """
+    left = options.iteration.tolerance
+    return {"K": slight_temperature(interface, models, options), "m": left.gap.atol, "Pa": left.pressure.atol}
+
+
 def loose_iterations(options: CouplingOptions) -> list[str]:
     """Return a note where iterations may leave so much that hardly a window is within its tolerance."""
     if options.adaptive is None:

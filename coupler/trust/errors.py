@@ -345,10 +345,15 @@ def check(log: ErrorLog, probes: Mapping[str, str], adaptive: bool, iterated: bo
     k = int(shares.argmax())
     unit = probes[names[k]]
     worst = [f"{names[i]} by {100 * shares[i]:.3g} %" for i in np.argsort(-shares)[1:4] if shares[i] > NOTE_AT]
+    share, off = f"{100 * shares[k]:.3g} %", amount(shares[k] * scale[k], unit)
+    of = f"{share} of its range ({off})"
+    # fault: a share of what errors are held against is told as one of a range -> if False: |
+    #   coupler/test_trust_nothing
+    if scale[k] > log.high[k] - log.low[k]:
+        of = f"{off}, {share} of {amount(scale[k], unit)}, the least that its errors are held against"
     return measured(
         NAME, float(shares[k]), (NOTE_AT, LIMIT), t=log.t,
-        what=f"probe {names[k]} may be off by {100 * shares[k]:.3g} % of its range "
-             f"({amount(shares[k] * scale[k], unit)})"
+        what=f"probe {names[k]} may be off by {of}"
              + (f", {', '.join(worst)}" if worst else "")
              + f", as estimated from {log.looked} of {log.windows} windows, each solved again as two of half the size",
         remedy="Use a smaller coupling.adaptive.tolerance" if adaptive else

@@ -8,7 +8,7 @@ import pytest
 
 from coupler import run
 from coupler.scenario.load import scenario_from
-from coupler.scenario.scales import slight_temperature
+from coupler.scenario.scales import slight_errors, slight_temperature
 
 SCENE = {
     "slideline": 2, "units": {"temperature": "K"}, "geometry": "plane",
@@ -56,6 +56,13 @@ def test_what_harms_nobody_is_what_windows_may_err_by_and_no_more_than_the_scene
     assert slight(windows=[{"until": 100.0, "size": 1.0}]) == of_scene
     assert slight(adaptive={"tolerance": {"temperature": {"atol": 1e-4}}}) == 1e-4
     assert slight(adaptive={"tolerance": {"temperature": {"atol": 2.0}}}) == of_scene
+
+
+def test_places_and_pressures_are_held_to_what_iterations_leave(tmp_path):
+    """1e-9 m of 0.1 m: what windows may err by, 1e-7 m, is all that 0.2 MPa does to steel."""
+    scene = scenario_from(json.dumps(SCENE), tmp_path / "scene.yaml", {})
+    assert slight_errors(scene.interface, scene.models, scene.coupling) == pytest.approx(
+        {"K": 1e-4 * 50.0, "m": 1e-9, "Pa": 200.0})
 
 
 def test_a_small_span_of_temperatures_counts(tmp_path):

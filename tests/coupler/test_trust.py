@@ -18,6 +18,8 @@ from coupler.control.loop import Tried
 from coupler.schemes.levels import Level
 from coupler.schemes.state import Verdict
 from coupler.trust.checks import Check, TrustVerdict, broken, measured
+from coupler.trust.errors import NAME as ESTIMATED
+from coupler.trust.errors import Looked
 from coupler.trust.passing import Sides
 from coupler.trust.watch import TrustLog, TrustWatch
 
@@ -60,6 +62,18 @@ def judged(levels: list[Level], boundary: tuple[dict, ...] = (), terms: dict | N
 WITHIN, RINGS, CYCLES = "temperatures within their data", "no ringing in time", "no cycle of the exchange"
 PASSES, SOFT = "no body passes through another", "penetration of pressed surfaces"
 WAYS = "surfaces pass each other in time"
+
+
+@pytest.mark.parametrize(("slight", "verdict"), [(0.0, "broken"), (1e-5, "broken"), (2.4e-5, "noted"), (0.02, "holds")])
+def test_errors_that_harm_nobody_break_no_run(slight: float, verdict: str) -> None:
+    """A run that went on from the end of another stood still but for 34 uK, of which 23 might be wrong: exit 4."""
+    watch = TrustWatch(boxes(), {"thermal": {"boundary": ()}, "mechanical": {"half": "elastic"}}, {"T": "K"},
+                       slight={"K": slight})
+    log, T = watch.begun(level(0.0), np.array([400.0])), np.array([400.0 + 3.4e-5])
+    seen = Looked(T, np.array([3.4e-5]), np.array([2.3e-5]))
+    log = watch.after(log, (level(0.0), level(1.0)), {}, fresh=False, looked=seen)
+    check = next(c for c in watch.judged(log, {}) if c.name == ESTIMATED)
+    assert check.verdict == verdict
 
 
 # Temperatures

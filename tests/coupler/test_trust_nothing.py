@@ -57,3 +57,10 @@ def test_what_is_more_than_solvers_leave_is_held_against_its_own_range():
     assert judged(1e-3, {"N": 2.0}) is TrustVerdict.HOLDS
     assert judged(1e-3, {"Pa": 2.0}) is TrustVerdict.BROKEN
     assert judged(2.0, {"N": 2.0}) is TrustVerdict.BROKEN
+
+
+def test_what_an_error_is_held_against_is_told():
+    log = errors.watched(errors.begun(np.zeros(1)), Looked(np.full(1, 1e-4), np.full(1, 1e-4), np.full(1, 5e-5)), 1.0)
+    told = [errors.check(log, {"T": "K"}, True, nothing=nothing).sentence for nothing in ({}, {"K": 5e-4})]
+    assert "probe T may be off by 50 % of its range (5e-05 K)" in told[0]
+    assert "probe T may be off by 5e-05 K, 10 % of 0.0005 K, the least that its errors are held against" in told[1]
