@@ -38,10 +38,12 @@ def watched(log: HeatMeshLog, told: Mapping[str, float], t: float) -> HeatMeshLo
     return HeatMeshLog({name.removeprefix(T_MISSED): value for name, value in told.items()}, t) if told else log
 
 
-def checks(log: HeatMeshLog, span: float, meeting: Iterable[tuple[str, str]]) -> tuple[Check, ...]:
+def checks(log: HeatMeshLog, span: float, meeting: Iterable[tuple[str, str]], slight: float = 0.0
+           ) -> tuple[Check, ...]:
     """Return the check at the end, none where no half told.
 
     span [K]: of all temperatures, those of the data too.  meeting : names of two bodies that exchange heat.
+    slight [K]: an error that harms nobody, and is only noted.
     """
     if not log.T_missed:
         return ()
@@ -56,8 +58,11 @@ def checks(log: HeatMeshLog, span: float, meeting: Iterable[tuple[str, str]]) ->
     #   coupler/test_trust_heat_mesh::test_what_bodies_that_meet_miss_is_added
     share = off / max(span, off) if off > 0.0 else 0.0
     more = max(2, math.ceil(math.sqrt(share / LIMITS[0])))
+    # fault: cells that miss what windows may err by break a run -> limits = LIMITS |
+    #   coupler/test_trust_heat_mesh
+    limits = (LIMITS[0], math.inf) if off <= slight else LIMITS
     return (measured(
-        NAME, share, LIMITS, t=log.t,
+        NAME, share, limits, t=log.t,
         what=f"the cells of {' and '.join(worst)} are too large for the heat: they miss about {amount(off, 'K')} of "
              f"the temperature differences that drive it, {100 * share:.3g} % of the span of temperatures up to "
              f"t = {log.t:.6g} s, and the heat, or the temperatures it makes, are off by about as much",

@@ -15,6 +15,7 @@ from coupler import load_scenario, run
 from coupler.fmu.launch import launch
 from coupler.running.resume import resume
 from coupler.trust import heat_mesh
+from coupler.trust.checks import TrustVerdict
 from coupler.trust.temperatures import TemperatureLog
 
 WALL = """
@@ -117,3 +118,12 @@ def test_bodies_that_hardly_warm_are_not_held_against_their_own_warmth(warmer, m
     log = heat_mesh.watched(heat_mesh.HeatMeshLog(), {"mesh.T_missed.a": missed}, 1.0)
     (check,) = heat_mesh.checks(log, TemperatureLog(300.0, 300.0, least=300.0, most=300.0 + warmer).span, ())
     assert check.verdict == verdict
+
+
+def test_cells_that_miss_less_than_windows_may_err_by_are_noted_only() -> None:
+    """A block that slides for a second warms by 1.5 mK: exit 4 for heat that was right to 1 %."""
+    log = heat_mesh.watched(heat_mesh.HeatMeshLog(), {"mesh.T_missed.a": 1.4e-3}, 1.0)
+    for slight, verdict in ((0.0, TrustVerdict.BROKEN), (1e-3, TrustVerdict.BROKEN), (8e-3, TrustVerdict.NOTED)):
+        (check,) = heat_mesh.checks(log, 1.5e-3, (), slight)
+        assert check.verdict is verdict
+        assert "0.0014 K" in check.what
