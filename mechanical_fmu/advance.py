@@ -12,7 +12,7 @@ from contact.half.model import Values
 from contact.half.program import ProgramError
 from mechanical_fmu.carrying import carried
 from mechanical_fmu.contact import ContactQuery
-from mechanical_fmu.dynamics import BodyMotion, fly, free_flight, inertia_of, motion_after, rubbed
+from mechanical_fmu.dynamics import BodyMotion, HeldMotion, fly, free_flight, inertia_of, motion_after, rubbed
 from mechanical_fmu.enforcement import solve_step
 from mechanical_fmu.heat import at_frozen_entropy
 from mechanical_fmu.impact import with_its_energy
@@ -123,6 +123,8 @@ def _change_of_forces(system: System, solved: StepDrive, now: StepDrive, u: Floa
 
 # Prescribed components this close to their target (share of the largest body) are set, not solved for: round-off.
 TARGET_ROUND_OFF = 1e-12
+# The share of a step over which the velocity at its end is taken: of what turns it is off by half of that.
+LAST_BIT = 1e-4
 
 
 @dataclass(frozen=True)
@@ -132,6 +134,7 @@ class Task:
     start : the drive at its beginning.  end : at its end.  dt : [s].  query : contact, None where nothing can touch.
     frozen : ln theta (heat.log_dilatation) at which the entropy is frozen, None for a given temperature.
     handed : (n, 2) [N] what held components that are released now, and goes to nothing within the step; None of none.
+    jump : (n_levels,) by how much the levels jump at its beginning; (0,): they do not, or without inertia.
     """
 
     start: StepDrive
@@ -140,6 +143,7 @@ class Task:
     query: ContactQuery | None
     frozen: tuple[Floats, ...] | None
     handed: Floats | None = None
+    jump: Floats = field(default_factory=lambda: np.empty(0))
 
 
 @dataclass(frozen=True)
@@ -313,18 +317,39 @@ def _piece(system: System, task: Task, begin: Departure, span: tuple[float, floa
         rest = np.zeros_like(motion.v)
         after = BodyMotion(found.u, rest, rest, found.r if len(rest) else rest)
     else:
-        inertia = inertia_of(system.masses, dynamics, motion, dt)
+        held = held_motion(system, task, motion, (a, b), dt)
+        inertia = inertia_of(system.masses, dynamics, motion, dt, held)
         loading = replace(loading, inertia=inertia)
         moved = system.constraints.moved(motion.u, loading.target, system.interface.nodes)
         start = _carried(system, free_flight(dynamics, motion, dt), moved)
         equilibrium = solved(system, motion.u, loading, system.balance(start, loading, True), None, settings)
         found = equilibrium.balance
-        after = motion_after(system, motion, found, inertia, dt)
+        after = motion_after(system, motion, found, inertia, dt, held)
         rubbing, heat = rubbed(system, motion.rubbing, found, dt, b * task.dt)
         after = with_its_energy(system, motion, after, found, loading, owes=last, heat=float(heat.sum()))
         after = replace(after, rubbing=rubbing)
     return StepResult(found, after, found.heat, equilibrium.iterations, equilibrium.residual, last=loading.step,
                       work=equilibrium.work, runs=equilibrium.runs, rubbed=heat)
+
+
+def held_motion(system: System, task: Task, now: BodyMotion, span: tuple[float, float], dt: float) -> HeldMotion:
+    """Compute how held components move in a piece of a step.  span : its shares of the step.  dt : of it [s]."""
+    rows, motions = system.constraints.fixed, system.constraints.motions
+    first, last = task.start.levels, task.end.levels
+    # A jump is no velocity.
+    # fault: what jumps is thrown -> behind = first | mechanical_fmu/test_held_motion
+    behind = first + task.jump if task.jump.size else first
+
+    def at(share: float) -> Floats:
+        return motions.target(behind + share * (last - behind))
+
+    (a, b), turns = span, any(p.turn is not None for p in motions.placed)
+    # Along an arc the velocity at the end is not that of the chord: it is that of a last bit of the way.
+    # fault: what is turned moves along its chords -> part = 1.0 | mechanical_fmu/test_held_motion
+    part = LAST_BIT if turns else 1.0
+    v = (at(b) - at(b - part * (b - a))) / (part * dt)
+    u = motions.target(between(task.start, task.end, b).levels)
+    return HeldMotion(rows, u, v, (v - now.v.ravel()[rows]) / dt)
 
 
 def _carried(system: System, flown: Floats, moved: Floats) -> Floats:

@@ -164,7 +164,8 @@ class ElasticHalf:
         task = Task(state.drive, drive, t + h - state.solved, contact_query(system, link, state.contact), frozen,
                     _array(state.handed) if len(state.handed) else None)
         if system.spec.stated.inert:
-            state, task = self._behind_jump(state, task, drive_of(system, inputs, t, 1))
+            before, behind = (drive_of(system, inputs, t, side) for side in (-1, 1))
+            state, task = self._behind_jump(state, replace(task, jump=behind.levels - before.levels), behind)
         loading = loading_of(system, task, 1.0, task.dt, _array(state.history))
         if method == "newton" and self._anchors_serve and frozen is None:
             found, after = self._anchored(state, task, loading)
