@@ -318,13 +318,14 @@ def _piece(system: System, task: Task, begin: Departure, span: tuple[float, floa
         after = BodyMotion(found.u, rest, rest, found.r if len(rest) else rest)
     else:
         held = held_motion(system, task, motion, (a, b), dt)
+        motion = held.start(system, motion, dynamics.lumped)
         inertia = inertia_of(system.masses, dynamics, motion, dt, held)
         loading = replace(loading, inertia=inertia)
         moved = system.constraints.moved(motion.u, loading.target, system.interface.nodes)
         start = _carried(system, free_flight(dynamics, motion, dt), moved)
         equilibrium = solved(system, motion.u, loading, system.balance(start, loading, True), None, settings)
         found = equilibrium.balance
-        after = motion_after(system, motion, found, inertia, dt, held)
+        after = motion_after(system, motion, found, inertia, dt)
         rubbing, heat = rubbed(system, motion.rubbing, found, dt, b * task.dt)
         after = with_its_energy(system, motion, after, found, loading, owes=last, heat=float(heat.sum()))
         after = replace(after, rubbing=rubbing)
@@ -349,7 +350,7 @@ def held_motion(system: System, task: Task, now: BodyMotion, span: tuple[float, 
     part = LAST_BIT if turns else 1.0
     v = (at(b) - at(b - part * (b - a))) / (part * dt)
     u = motions.target(between(task.start, task.end, b).levels)
-    return HeldMotion(rows, u, v, (v - now.v.ravel()[rows]) / dt)
+    return HeldMotion(rows, u, (v - now.v.ravel()[rows]) / dt)
 
 
 def _carried(system: System, flown: Floats, moved: Floats) -> Floats:

@@ -58,7 +58,7 @@ class BodyMotion:
 class HeldMotion:
     """How components that are prescribed move in a step.
 
-    rows : (k,) of the components.  u : (k,) [m] and v : (k,) [m/s] at its end, as stated.  a : (k,) [m/s2] all through.
+    rows : (k,) of the components.  u : (k,) [m] at its end.  a : (k,) [m/s2] all through.
 
     From places alone the trapezoidal rule makes velocities that ring without end where a motion has a kink, and all
     data in tables have.  These are those of the data; what they change by in the step is the acceleration in it.
@@ -66,23 +66,22 @@ class HeldMotion:
 
     rows: NDArray[np.intp]
     u: Floats
-    v: Floats
     a: Floats
 
-    def start(self, now: BodyMotion) -> BodyMotion:
-        """Return the motion at the start of the step with the acceleration in it."""
-        # fault: the kink of a prescribed motion is felt in the step after it too -> return now |
-        #   mechanical_fmu/test_held_motion
-        return replace(now, a=self._with(now.a, self.a))
+    def start(self, system: System, now: BodyMotion, lumped: bool) -> BodyMotion:
+        """Return the motion at the start of the step with the acceleration in it, and what that makes of the others."""
+        more = self._with(np.zeros_like(now.a), self.a - now.a.ravel()[self.rows])
+        if not more.any():
+            return now
+        # fault: the kink of a prescribed motion pushes neighbours in the step after it too -> push = 0.0 * more.ravel()
+        #   | mechanical_fmu/test_held_motion
+        push = -(system.masses.matrix(lumped) @ more.ravel()) * system.moving
+        return replace(now, a=system.masses.followed(now.a + more + system.accelerations(push).reshape(more.shape)))
 
     def origin(self, flight: Floats, beta: float, dt: float) -> Floats:
         """Return (n, 2) u* [m] of which the acceleration of what is held follows as that of what is free."""
+        # fault: what is let go flies on with a velocity that rings -> return flight | mechanical_fmu/test_held_motion
         return self._with(flight, self.u - beta * dt * dt * self.a)
-
-    def after(self, v: Floats) -> Floats:
-        """Return (n, 2) velocities [m/s] at the end."""
-        # fault: what is let go flies on with a velocity that rings -> return v | mechanical_fmu/test_held_motion
-        return self._with(v, self.v)
 
     def _with(self, of_all: Floats, held: Floats) -> Floats:
         out = of_all.copy()
@@ -97,7 +96,7 @@ def inertia_of(masses: Masses, how: DynamicsOptions, now: BodyMotion, dt: float,
     divided by 1 - alpha_f reads f_{n+1} + s M (u - u*) + (alpha_f f_n + alpha_m M a_n)/(1 - alpha_f) = 0 with
     s = (1 - alpha_m)/((1 - alpha_f) beta dt2).
     """
-    M, now = masses.matrix(how.lumped), held.start(now)
+    M = masses.matrix(how.lumped)
     scale = (1.0 - how.alpha_m) / ((1.0 - how.alpha_f) * how.beta * dt * dt)
     # fault: generalised alpha without the forces at the start -> rest = 0.0 * now.f + how.alpha_m * (M @
     #   now.a.ravel()).reshape(now.a.shape) | mechanical_fmu/test_solution_dynamics
@@ -113,13 +112,12 @@ def free_flight(how: DynamicsOptions, now: BodyMotion, dt: float) -> Floats:
     return now.u + dt * now.v + dt * dt * (0.5 - how.beta) * now.a
 
 
-def motion_after(system: System, now: BodyMotion, found: ForceBalance, inertia: Inertia, dt: float,
-                 held: HeldMotion) -> BodyMotion:
+def motion_after(system: System, now: BodyMotion, found: ForceBalance, inertia: Inertia, dt: float) -> BodyMotion:
     """Compute the motion at the end of a step solved for."""
     how = system.spec.dynamics
     assert how is not None
     a = (found.u - inertia.origin) / (how.beta * dt * dt)
-    v = held.after(now.v + dt * ((1.0 - how.gamma) * now.a + how.gamma * a))
+    v = now.v + dt * ((1.0 - how.gamma) * now.a + how.gamma * a)
     # Without mass a node's own rates are differences of places, and ring; inertia asks for those of what moves it.
     follow = system.masses.followed
     return BodyMotion(found.u, follow(v), follow(a), found.r - inertia.force(found.u), *contact_of(system, found))
