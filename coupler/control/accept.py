@@ -18,6 +18,7 @@ from coupler.rules import engine as rules
 from coupler.rules.engine import Firing
 from coupler.scenario.options import OnMax
 from coupler.schemes.state import Solved, Span, Verdict
+from coupler.trust.ways import AHEAD, SHARE
 
 # A rejected window is tried again, shorter: by how much, and when the run stops instead.
 
@@ -133,6 +134,8 @@ LEAST_SHARE = 1.0 / 16.0
 # What mechanics cannot get past is known once so many windows were given up on the way there, and what is left of the
 # way is no more than this part of what it was at the first.
 SURE, NEAR = 4, 1e-3
+# A window is put back so often because a surface passed another in it; what jumps does so in windows of any size.
+MAX_OUTRAN = 8
 # So many windows on end in which hardly anything changes are a steady state.
 SLOW = 2
 
@@ -153,6 +156,8 @@ def accept(attempt: Attempt) -> Decision:
     """Accepts or rejects a window.  Raises CouplingError where it must be tried again and may not."""
     if not attempt.solved.taken:
         return _failed(attempt)
+    if (outran := _outran(attempt)) is not None:
+        return outran
     found, events_memory = _event(attempt)
     if found is not None and not found.located:
         control = replace(attempt.at.control, aim=found.tick, events=events_memory)
@@ -173,6 +178,22 @@ def accept(attempt: Attempt) -> Decision:
                          anyway=True)
         attempt = replace(attempt, solved=solved)
     return _ruled(attempt, _Found(error, found, events_memory))
+
+
+def _outran(attempt: Attempt) -> Decision | None:
+    """The decision on an adaptive window in which forces carried one surface past another; None: none was.
+
+    What a force sets off, or a blow, goes faster than it went in the window before.
+    """
+    plan, control = attempt.plan, attempt.at.control
+    if not plan.adaptive or not plan.ways or control.failures >= MAX_OUTRAN or at_least(attempt):
+        return None
+    gone = plan.ways.outran(attempt.at.state.now, attempt.solved.state.now)
+    if gone is None:
+        return None
+    why = f"pair {gone.pair}: one surface passed the other by {gone.share:.3g} times its length"
+    size = attempt.H * max(SHARE * AHEAD / gone.share, LEAST_SHARE)
+    return Decision(rejected(attempt.solved, Verdict.ERROR, why), shorter(attempt, size, why))
 
 
 @dataclass(frozen=True)
@@ -309,6 +330,8 @@ def _taken(attempt: Attempt, found: _Found, fired: rules.Fired, done: CycleActio
         ends=tuple([e for e in control.ends if e > span.k1]), event=span.k1 if found.event else control.event,
         stop=fired.stop or steady, settings=done.settings, rules=fired.memory,
         cycle=done.watch,
+        course=(plan.ways.after(control.course, start.now, solved.state.now) if plan.adaptive and plan.ways
+                else control.course),
         estimate=(error_estimate.after(control.estimate, start, solved, found.error, plan.cells) if plan.adaptive
                   else control.estimate),
         choice=_learned(attempt, found.error),

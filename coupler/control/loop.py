@@ -109,7 +109,7 @@ def _followed(plan: Plan, at: Committed, proposal: Proposal) -> Proposal:
     clock, k0 = plan.schedule.clock, at.control.tick
     t0, t1 = clock.seconds(k0), clock.seconds(proposal.k1)
     # fault: windows outrun the motion of bodies -> end = t1 | coupler/test_trust_ways
-    end = plan.ways.longest(at.state.now.x, t0, t1)
+    end = plan.ways.longest(at.state.now.x, t0, t1, at.control.course)
     if end >= t1:
         return proposal
     k1 = k0 + max(int(_ticks(plan, max(end - t0, plan.adaptive.least))), 1)

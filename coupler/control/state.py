@@ -13,6 +13,7 @@ from coupler.rules import engine as rules
 from coupler.schemes.ledger import Ledger
 from coupler.schemes.state import CoupledState, Settings, Solved, Span
 from coupler.schemes.sweep import OF_A_SUBSTEP
+from coupler.trust.courses import Course
 
 
 @dataclass(frozen=True)
@@ -38,6 +39,7 @@ class ControlState:
     below : the next try ends before this tick; 0: anywhere.  fresh : the tick where histories were last forgotten.
     event : the tick of the last event found; 0: none.  slow : windows on end in which hardly anything changed.
     unconverged : a try of this window, or the window before it, was iterated to no end.
+    course : how bodies go that forces move.
     stop : why the run ends here; "": it goes on.  obstacle : that no window got past so far.
     """
 
@@ -64,6 +66,7 @@ class ControlState:
     events: events.Memory = field(default_factory=events.Memory)
     spare: spare.Memory = field(default_factory=spare.Memory)
     flutter: flutter.Memory = field(default_factory=flutter.Memory)
+    course: Course = field(default_factory=Course)
 
 
 @dataclass(frozen=True)
@@ -82,7 +85,8 @@ def first(state: CoupledState, plan: Plan) -> Committed:
         memory = rules.first_memory(plan.rules, {"t": state.now.t, **plan.probed(state.now)})
     return Committed(state, ControlState(rules.first_settings(plan.rules, plan.settings), size=size,
                                          reason="the first" if size else "", rules=memory,
-                                         spare=spare.first(plan, state)))
+                                         spare=spare.first(plan, state),
+                                         course=Course() if plan.ways is None else plan.ways.begun()))
 
 
 def opened(at: Committed, plan: Plan) -> Committed:
