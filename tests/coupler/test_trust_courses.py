@@ -121,7 +121,8 @@ def level(t: float, x: float) -> Level:
 
 def followed(bodies: dict[str, Any]) -> Courses:
     """One body of two nodes."""
-    return Courses(cast(Interface, SimpleNamespace(bodies=("b",), node_body=np.zeros(2, dtype=int))), {"bodies": bodies})
+    scene = SimpleNamespace(bodies=("b",), node_body=np.zeros(2, dtype=int))
+    return Courses(cast(Interface, scene), {"bodies": bodies})
 
 
 def test_what_flies_from_the_start_is_looked_ahead_from_there() -> None:
