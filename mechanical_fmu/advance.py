@@ -13,11 +13,13 @@ from contact.half.program import ProgramError
 from mechanical_fmu.carrying import carried
 from mechanical_fmu.contact import ContactQuery
 from mechanical_fmu.dynamics import BodyMotion, HeldMotion, fly, free_flight, inertia_of, motion_after, rubbed
+from mechanical_fmu.energy import made
 from mechanical_fmu.enforcement import solve_step
 from mechanical_fmu.heat import at_frozen_entropy
 from mechanical_fmu.impact import with_its_energy
 from mechanical_fmu.laws.law import CREEP, LIQUID, OVERSTRESS
 from mechanical_fmu.loads import driven, pressure_forces
+from mechanical_fmu.material import Moduli
 from mechanical_fmu.newton import Equilibrium, NoEquilibriumError, SolverSettings
 from mechanical_fmu.passing import refuse_passing
 from mechanical_fmu.program_step import solve_by_program
@@ -160,7 +162,8 @@ class StepResult:
 
     iterations : of all.  cuts : pieces beyond the first.  residual : largest of the pieces.
     last : what the points remembered when the last piece began, and its length.  work : [J] of all, of what damped
-    bodies that contact did not hold yet.  runs : of a program that solves for the inside of bodies.
+    bodies that contact did not hold yet.  runs : of a program that solves for the inside of bodies.  made : energy [J]
+    that comes from nothing, of all (energy.py).
     rubbed : (n_q,) [J] heat of friction of all pieces, with inertia; (0,) where contact tells it, or none is made.
     """
 
@@ -174,6 +177,7 @@ class StepResult:
     last: PointStep = field(default_factory=PointStep)
     work: float = 0.0
     runs: int = 0
+    made: float = 0.0
     rubbed: Floats = field(default_factory=lambda: np.empty(0))
 
 
@@ -299,7 +303,7 @@ def _piece(system: System, task: Task, begin: Departure, span: tuple[float, floa
            settings: SolverSettings, last: bool) -> StepResult:
     """One piece of a step.  last : whether it cannot be cut any more."""
     motion, history = begin.motion, begin.history
-    (a, b), dt, dynamics = span, (span[1] - span[0]) * task.dt, system.spec.dynamics
+    (a, b), dt, dynamics, energy = span, (span[1] - span[0]) * task.dt, system.spec.dynamics, 0.0
     if settings.method == "explicit":
         def loading_at(share: float, h: float, at: Floats) -> Loading:
             return loading_of(system, task, a + share * (b - a), h, at)
@@ -329,8 +333,14 @@ def _piece(system: System, task: Task, begin: Departure, span: tuple[float, floa
         rubbing, heat = rubbed(system, motion.rubbing, found, dt, b * task.dt)
         after = with_its_energy(system, motion, after, found, loading, owes=last, heat=float(heat.sum()))
         after = replace(after, rubbing=rubbing)
+
+        def moduli(share: float) -> tuple[Moduli, ...]:
+            drive = between(task.start, task.end, a + share * (b - a))
+            return system.moduli(drive.T, drive.f_s)
+
+        energy = made(system, motion, after, found, moduli, history, dt, float(heat.sum()))
     return StepResult(found, after, found.heat, equilibrium.iterations, equilibrium.residual, last=loading.step,
-                      work=equilibrium.work, runs=equilibrium.runs, rubbed=heat)
+                      work=equilibrium.work, runs=equilibrium.runs, made=energy, rubbed=heat)
 
 
 def held_motion(system: System, task: Task, now: BodyMotion, span: tuple[float, float], dt: float) -> HeldMotion:
@@ -368,5 +378,5 @@ def _joined(first: StepResult, then: StepResult) -> StepResult:
     heat = first.heat + then.heat if first.heat.size else then.heat
     return StepResult(then.balance, then.motion, heat, first.iterations + then.iterations,
                       max(first.residual, then.residual), first.cuts + 1, then.dt_stable, then.last,
-                      first.work + then.work, first.runs + then.runs,
+                      first.work + then.work, first.runs + then.runs, first.made + then.made,
                       first.rubbed + then.rubbed if first.rubbed.size else then.rubbed)

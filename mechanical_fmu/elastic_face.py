@@ -8,10 +8,12 @@ import numpy as np
 
 from contact.half.memory import LAYOUT
 from contact.half.model import Outputs, Value, Variable
+from contact.problem.mechanical import Solution
 from mechanical_fmu.advance import NOT_GIVEN, StepResult, between
 from mechanical_fmu.contact import contact_outputs, contact_variables
 from mechanical_fmu.dynamics import end_residual
 from mechanical_fmu.elastic_state import ElasticState
+from mechanical_fmu.energy import kinetic
 from mechanical_fmu.heat import flow_outputs, flow_variables, log_dilatation, moved_heat
 from mechanical_fmu.named_forces import ForcesAt
 from mechanical_fmu.stress_outputs import Moved, mesh_variables, stress_outputs, stress_variables
@@ -65,6 +67,9 @@ def elastic_variables(system: System) -> tuple[Variable, ...]:
     if damps(system):
         outputs.append(Variable("work.stabilisation", unit="J", description="work of what damped bodies until contact "
                                                                             "held them, since the start"))
+    if tells_energy(system):
+        outputs += [Variable("energy.made", unit="J", description="energy that steps made of nothing since the start"),
+                    Variable("energy.kinetic", unit="J", description="kinetic energy of all bodies")]
     if system.rigid is not None:
         outputs += [Variable(f"motion.{interface.bodies[b]}", (3,), unit="1",
                              description="u_x, u_y [m] and angle [rad] of the reference point", on="none")
@@ -74,6 +79,11 @@ def elastic_variables(system: System) -> tuple[Variable, ...]:
                                                    tied=system.contact.tied is not None,
                                                    by_end=not spec.stated.inert) if n_q else ()),
             *mesh_variables(system), *unstable_variables(system))
+
+
+def tells_energy(system: System) -> bool:
+    """Say whether steps keep account of the energy of motion."""
+    return system.spec.dynamics is not None and system.spec.stated.method is not Solution.EXPLICIT
 
 
 def damps(system: System) -> bool:
@@ -112,6 +122,8 @@ def outputs_of(system: System, found: StepResult, moved: Moved, state: ElasticSt
         outputs["skipped"] = float(state.all_skipped)
     if damps(system):
         outputs["work.stabilisation"] = state.damped
+    if tells_energy(system):
+        outputs |= {"energy.made": state.made, "energy.kinetic": kinetic(system, found.motion)}
     outputs |= flow_outputs(system, PointStep(moved.loading.step.dt, moved.history), found.balance.history)
     outputs |= _heats(system, found, moved, state)
     if balance.tractions is not None:

@@ -177,7 +177,8 @@ class ElasticHalf:
         after = replace(after, t=t + h, u=found.balance.u, contact=contact, drive=drive, solved=t + h,
                         history=found.balance.history, v=motion.v, a=motion.a, f=motion.f, push=motion.push,
                         stored=motion.stored, rubbing=motion.rubbing, skipped=0,
-                        damped=state.damped + found.work, slid=slid(found.balance.tractions, _array(state.slid)))
+                        damped=state.damped + found.work, made=state.made + found.made,
+                        slid=slid(found.balance.tractions, _array(state.slid)))
         moved = Moved(loading, u, _array(state.history), state.drive, frozen is not None, drive)
         outputs = outputs_of(system, found, moved, after)
         return Done(after_release(system, after, found.balance), outputs, found.dt_stable)

@@ -32,6 +32,7 @@ class ElasticState:
     released : numbers of the displacements that prescribe nothing any more.  handed : (n, 2) [N] what held those that
     were released last, (0, 2) where none were.
     slid : (n_q,) [m] that slave nodes have slipped since the start, (0,) where nothing can.
+    made : [J] that steps made from nothing since the start, with inertia (energy.py).
     """
 
     t: float
@@ -55,7 +56,7 @@ class ElasticState:
     released: tuple[int, ...] = ()
     handed: Floats = field(default_factory=lambda: np.empty((0, 2)))
     slid: Floats = field(default_factory=lambda: np.empty(0))
-
+    made: float = 0.0
 
 
 def after_release(system: System, state: ElasticState, found: ForceBalance) -> ElasticState:

@@ -177,6 +177,7 @@ ELASTIC_STRAIN = "elastic_strain"  # of a mechanical half whose bodies remember,
 T_MISSED = "mesh.T_missed."  # of a body, of a thermal half: what its cells are too large for [K]
 HIGH_OFF, LOW_OFF = "mesh.T_high_off.", "mesh.T_low_off."  # what its highest and lowest T are off by for it [K]
 RESIDUAL = "residual"  # of either half: what its equations leave, as a share of the heat, or of the forces [1]
+MADE, KINETIC = "energy.made", "energy.kinetic"  # of a mechanical half with inertia: of nothing, of motion [J]
 SHAPE_OFF = "mesh.x_off"  # of a mechanical half on a mesh of its own: what the scene's does not hold of x [m]
 
 
@@ -190,7 +191,7 @@ def wanted_outputs(thermal: Half, mechanical: Half, monitors: Collection[str] = 
               or n in (OFF_MESH, ACROSS) or f"thermal.{n}" in monitors)]
     more = [n.removeprefix("mechanical.") for n in sorted(monitors) if n.startswith("mechanical.")]
     wanted = ("x", "contact.t_N", "contact.gap", "contact.covered", *HEATS, "iterations", RESIDUAL, "contact.touching",
-              DAMPED, SHAPE_OFF, ELASTIC_STRAIN)
+              DAMPED, SHAPE_OFF, ELASTIC_STRAIN, MADE, KINETIC)
     has = {n for n, b in mechanical.blocks.items() if b.causality == "output"}
     m = [n for n in dict.fromkeys((*wanted, *more)) if n in has]
     return Halves(thermal, mechanical, tuple(t), tuple(m))

@@ -22,6 +22,7 @@ from coupler.trust import (
     at_nodes,
     carried,
     delivered,
+    energy,
     equilibrium,
     errors,
     extremes,
@@ -85,6 +86,7 @@ class TrustLog:
     stored: stored.StoredLog = field(default_factory=stored.StoredLog)
     solved: solved.SolvedLog = field(default_factory=solved.SolvedLog)
     motion: motion.MotionLog = field(default_factory=motion.MotionLog)
+    energy: energy.EnergyLog = field(default_factory=energy.EnergyLog)
     instants: instants.InstantLog = field(default_factory=instants.InstantLog)
     skipped: skipped.SkippedLog = field(default_factory=skipped.SkippedLog)
     ways: ways.WaysLog = field(default_factory=ways.WaysLog)
@@ -187,6 +189,7 @@ class TrustWatch:
             shapes=carried.watched(log.shapes, shape_off, now.t, 0.0 if shape_off is None else self._deformed(now)),
             across=across.watched(log.across, monitors.get(f"thermal.{ACROSS}"), now.t),
             solved=solved.watched(log.solved, monitors, terms, now.t),
+            energy=energy.watched(log.energy, monitors, now.t),
             motion=log.motion if not self._motion.has_inertia else self._motion.watched(
                 log.motion, (self._moved(before), self._moved(now)), now.t - before.t, fresh),
             tables=self._tables.watched(log.tables, now), stored=self._stored.watched(log.stored, now, heats))
@@ -261,6 +264,7 @@ class TrustWatch:
             *self._round_gaps.checks(log.round_gaps),
             *equilibrium.checks(log.equilibrium),
             *self._motion.checks(log.motion),
+            *energy.checks(log.energy),
             *self._placed.checks(log.skipped),
             *self._ways.checks(log.ways),
             *self._at_nodes,
