@@ -133,12 +133,12 @@ def _of_mesh(system: System, stress: list[Floats], moduli: tuple[Moduli, ...], e
     #   mechanical_fmu/test_thermal_bending
     dropped = dropped_energy(volume.kinds, free, moduli, n_bodies)
     missed = missed + dropped
-    # A body that bears nothing has a stress of rounding, and most of that is not recovered.
-    # fault: stress of rounding is told as that of a load -> bears = missed >= 0.0 | mechanical_fmu/test_recovery
     # A body that comes back through the origin has the rounding of where it came from.
     # fault: what passes the origin has no rounding -> x = np.abs(system.interface.nodes + ends[1]) |
     #   mechanical_fmu/test_recovery
     x = np.maximum(*(np.abs(system.interface.nodes + u) for u in ends))
+    # A body that bears nothing has a stress of rounding, and most of that is not recovered.
+    # fault: stress of rounding is told as that of a load -> bears = missed >= 0.0 | mechanical_fmu/test_recovery
     bears = missed + energy > rounding_energy(volume.kinds, moduli, x, n_bodies)
     told = {"missed": bears * missed, "energy": bears * energy,
             "heat": heat_energy(volume.kinds, free, moduli, n_bodies),
