@@ -108,8 +108,8 @@ AT_LEAST = {
 # What moves with inertia bears any load, so where its balance is not found contact or the law of a material is why.
 WITH_INERTIA = ("Everything up to here is in the results file. Shorter windows do not help: look at what happens at "
                 "this time. Where a stiff body turns, `dynamics: {rho_inf: 0.8}` damps what makes it ring, and `rigid` "
-                "has nothing to ring. Where a body strikes or sticks, `augmented: {}` of that pair, a smaller `penalty` or "
-                "smaller cells may; or a material is strained beyond what it can bear")
+                "has nothing to ring. Where a body strikes or sticks, `augmented: {}` of that pair, a smaller "
+                "`penalty` or smaller cells may; or a material is strained beyond what it can bear")
 
 
 def unsolvable(attempt: Attempt, verdict: Verdict) -> str | None:
