@@ -28,8 +28,8 @@ ROUND = 1e-9  # of a step: what pieces of it may be off by as they add up
 class Rubbing:
     """Friction at pair nodes, (n_q,) each; (0,) where nothing rubs or it is not known.
 
-    force : [N] at Coulomb's bound, of what slips.  rate : [m/s] at which it slips, or did when it parted.
-    slip : [m] since the start of the step, as contact tells it.
+    force : [N] at Coulomb's bound, of what slips, with the sign of that.  rate : [m/s] at which it slips, or did when
+    it parted.  slip : [m] since the start of the step, as contact tells it.
     """
 
     force: Floats = field(default_factory=lambda: np.empty(0))
@@ -143,17 +143,20 @@ def rubbed(system: System, before: Rubbing, found: ForceBalance, dt: float, sinc
     if found.tractions is None or not system.contact.slips:
         return Rubbing(), np.empty(0)
     slip, touches, known = found.tractions.slip, found.tractions.t_N < 0.0, before.force.size > 0
-    force = np.divide(found.tractions.E_friction, np.abs(slip), out=np.zeros_like(slip), where=slip != 0.0)
+    force = np.divide(found.tractions.E_friction, slip, out=np.zeros_like(slip), where=slip != 0.0)
     # Of a step in pieces contact tells what slipped in all of them so far.
     # fault: slip of the pieces of a step before this one counts again -> later = False |
     #   mechanical_fmu/test_friction_inertia
     later = known and since > dt * (1.0 + ROUND)
     way = np.where(before.slip != 0.0, slip - before.slip, slip * dt / since) if later else slip * dt / since
-    rate = np.where(touches, np.abs(way) / dt, before.rate if known else 0.0)
+    rate = np.where(touches, way / dt, before.rate if known else 0.0)
     # fault: friction heat of bodies with inertia is by the pressure at the end of steps -> then = force |
     #   mechanical_fmu/test_friction_inertia
     then = before.force if known else force
-    return Rubbing(force, rate, slip), 0.5 * dt * rate * (then + force)
+    # Where slip turned round, the friction of before has helped it on for half of the step.
+    # fault: friction brakes what turned round in all of the step -> then = np.abs(then) * np.sign(rate) |
+    #   mechanical_fmu/test_friction_inertia
+    return Rubbing(force, rate, slip), np.maximum(0.5 * dt * rate * (then + force), 0.0)
 
 
 def end_residual(system: System, found: ForceBalance, motion: BodyMotion) -> Floats:

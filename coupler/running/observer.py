@@ -168,7 +168,8 @@ class Observer:
     def judged(self, state: CoupledState, ledger: Ledger, rules_act: bool) -> tuple[Check, ...]:
         """Return the trust table of what both halves and the exchange did."""
         delivered = {block: account.delivered for block, account in state.accounts.items()}
-        return self._watch.judged(self.trust, ledger.everything, delivered, rules=rules_act)
+        left = {block: account.left for block, account in state.accounts.items()}
+        return self._watch.judged(self.trust, ledger.everything, delivered, left, rules=rules_act)
 
     @property
     def errors(self) -> dict[str, Any]:

@@ -56,6 +56,11 @@ class EnergyAccount:
     slope: Array | None = None
     age: float = 0.0
 
+    @property
+    def left(self) -> float:
+        """Return what was made and not delivered [J], but for what belongs to later times; < 0: delivered, not made."""
+        return float(self.carry.sum()) - (0.0 if self.late is None else float(self.late.sum()))
+
     def due(self, ahead: Foreseen) -> Array:
         """Return the carry, without what belongs to later times, and what H [s] more make [J], >= 0.
 

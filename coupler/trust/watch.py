@@ -233,10 +233,12 @@ class TrustWatch:
         return {n: asdict(row) for n, row in errors.table(log.errors, self._probes).items()}
 
     def judged(self, log: TrustLog, totals: Mapping[str, float],
-               handed: Mapping[str, float] = NOTHING, *, rules: bool = False) -> tuple[Check, ...]:
+               handed: Mapping[str, float] = NOTHING, left: Mapping[str, float] = NOTHING, *,
+               rules: bool = False) -> tuple[Check, ...]:
         """Return the table.
 
         totals : all of the ledger over the run [J].  handed : heat delivered to the thermal half, block -> [J].
+        left : heat made and not delivered, block -> [J].
         rules : whether rules act on the scene.
         """
         off = imbalance(totals)
@@ -273,6 +275,7 @@ class TrustWatch:
                      remedy="Use a smaller thermal.tolerance"),
             *self._stored.checks(log.stored, log.temperatures.span),
             *delivered.checks(handed, totals),
+            *delivered.left_checks(handed, left, totals),
             *solved.checks(log.solved),
             *instants.checks(log.instants, rules),
             measured("windows solved to their tolerance", log.over + log.unconverged * log.windows,

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from coupler.trust.checks import TrustVerdict
-from coupler.trust.delivered import checks
+from coupler.trust.delivered import checks, left_checks
 
 HOLDS, NOTED, BROKEN, _ = TrustVerdict
 FRICTION = {"heat.friction.slave": 30.0, "heat.friction.master": 70.0, "heat.stored.body": 100.0}
@@ -38,3 +38,20 @@ def test_the_worst_of_several_heats_is_told_with_its_terms() -> None:
 
 def test_nothing_is_said_where_nothing_was_delivered_or_no_terms_are_stated() -> None:
     assert checks({"E_M": 0.0}, FRICTION) == checks({"E_M": 5.0}, {"heat_moved": 3.0}) == ()
+
+
+@pytest.mark.parametrize(("left", "verdict"),
+                         [(0.0, HOLDS), (1.0, HOLDS), (10.0, NOTED), (-60.0, BROKEN), (90.0, BROKEN)])
+def test_heat_that_is_left_over_at_the_end_is_told(left: float, verdict: TrustVerdict) -> None:
+    """A block that stopped within a window of 10 ms had been handed 3.76 J of friction heat and made 2.16, exit 0."""
+    row, = left_checks({"contact.E_friction": 100.0}, {"contact.E_friction": left}, {"heat.source": 1e6})
+    assert row.verdict is verdict
+    assert row.number == pytest.approx(abs(left) / max(100.0, 100.0 + left))
+    assert "handed" in row.what or verdict is HOLDS
+
+
+def test_heat_of_squeezing_that_is_left_over_is_held_against_all_heat() -> None:
+    totals = {"heat.flux": 50.0, "heat.stored.body": 50.0}
+    assert left_checks({"E_M": 1e-3}, {"E_M": 1e-2}, totals)[0].verdict is HOLDS
+    assert left_checks({"E_M": 20.0}, {"E_M": 40.0}, totals)[0].verdict is BROKEN
+    assert left_checks({"E_M": 0.0}, {"E_M": 0.0}, {}) == ()

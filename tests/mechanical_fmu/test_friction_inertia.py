@@ -5,6 +5,7 @@ from __future__ import annotations
 import sys
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -12,7 +13,7 @@ import pytest
 from contact.half.interface import Interface, Pair
 from contact.rpc.link import open_link
 from mechanical_fmu.advance import Departure, in_pieces
-from mechanical_fmu.dynamics import BodyMotion
+from mechanical_fmu.dynamics import BodyMotion, Rubbing, rubbed
 
 sys.path.insert(0, str(Path(__file__).parent))
 from mechanical_scenes import NO_CELLS, done, elastic, hold, inputs_of, rectangle
@@ -89,6 +90,18 @@ def test_an_elastic_block_heats_by_what_it_loses() -> None:
 def test_explicit_steps_heat_by_all_their_pieces() -> None:
     way, _, heat = slid(sliding(False, method="explicit"), (1e-3,) * 4)
     assert heat == pytest.approx(MU * MASS * G * way, rel=0.02)
+
+
+@pytest.mark.parametrize(("before", "heat"), [(10.0, 0.01), (0.0, 0.005), (-10.0, 0.0), (-30.0, 0.0)])
+def test_slip_that_turned_round_was_helped_on_by_the_friction_of_before(before: float, heat: float) -> None:
+    """A block that stopped within a long step, and went back a little, had 4.6 % more heat than energy."""
+    slip = np.array([1e-3])
+    tractions = SimpleNamespace(slip=slip, t_N=np.array([-1e5]), E_friction=np.array([10.0 * 1e-3]))
+    system = SimpleNamespace(contact=SimpleNamespace(slips=True))
+    then = Rubbing(np.array([before]), np.array([0.0]), np.array([0.0]))
+    now, made = rubbed(system, then, SimpleNamespace(tractions=tractions), 1e-3, 1e-3)
+    assert made == pytest.approx([heat])
+    assert (now.force[0], now.rate[0]) == pytest.approx((10.0, 1.0))
 
 
 def test_only_a_half_without_inertia_heats_by_the_end_of_steps() -> None:
