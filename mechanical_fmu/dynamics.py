@@ -54,6 +54,15 @@ class BodyMotion:
     rubbing: Rubbing = field(default_factory=Rubbing)
 
 
+def of_contact(before: BodyMotion, after: BodyMotion, heat: float) -> float:
+    """Return the energy [J] that contact makes of nothing in a step: work of its forces, its springs and its friction.
+
+    before, after : the motion at both ends, with the contact forces noted.  heat : [J] of friction.
+    """
+    work = 0.5 * float(((before.push + after.push) * (after.u - before.u)).sum())
+    return work + after.stored - before.stored + heat
+
+
 @dataclass(frozen=True)
 class HeldMotion:
     """How components that are prescribed move in a step.

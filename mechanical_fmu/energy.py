@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import csr_matrix
 
-from mechanical_fmu.dynamics import BodyMotion
+from mechanical_fmu.dynamics import BodyMotion, of_contact
 from mechanical_fmu.material import Moduli
 from mechanical_fmu.system import ForceBalance, System
 from mechanical_fmu.volume import CellError, PointStep
@@ -29,8 +29,7 @@ def kinetic(system: System, motion: BodyMotion) -> float:
 
 
 def made(system: System, before: BodyMotion, after: BodyMotion, found: ForceBalance,
-         moduli: Callable[[float], tuple[Moduli, ...]], history: Floats, dt: float,
-         heat: float = 0.0) -> float:
+         moduli: Callable[[float], tuple[Moduli, ...]], history: Floats, dt: float, heat: float) -> float:
     """Compute the energy [J] that a step makes from nothing; below 0 where it loses some.
 
     before, after : the motion at both ends.  found : the balance at the end.  moduli : at a share of the step.
@@ -43,12 +42,10 @@ def made(system: System, before: BodyMotion, after: BodyMotion, found: ForceBala
     # fault: what sets off at once loses half of its energy -> way = du | mechanical_fmu/test_energy
     way = 0.5 * dt * (before.v + after.v).ravel()
     of_motion = kinetic(system, after) - kinetic(system, before) + float(du @ push - way @ driven)
-    of_contact = 0.0
-    if found.tractions is not None and len(before.push):
-        work = 0.5 * float(((before.push + after.push) * (after.u - before.u)).sum())
-        of_contact = work + after.stored - before.stored + heat
-    # fault: energy that turning makes is not seen -> return of_motion + of_contact | mechanical_fmu/test_energy
-    return of_motion + of_contact + _of_cells(system, before.u, after.u, moduli, history)
+    touched = found.tractions is not None and len(before.push)
+    more = of_contact(before, after, heat) if touched else 0.0
+    # fault: energy that turning makes is not seen -> return of_motion + more | mechanical_fmu/test_energy
+    return of_motion + more + _of_cells(system, before.u, after.u, moduli, history)
 
 
 def _of_cells(system: System, u0: Floats, u1: Floats, moduli: Callable[[float], tuple[Moduli, ...]],

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from contact.half.linalg import factorise
-from mechanical_fmu.dynamics import BodyMotion
+from mechanical_fmu.dynamics import BodyMotion, of_contact
 from mechanical_fmu.system import ForceBalance, Loading, System
 from mechanical_fmu.tangent import constrained, stiffness
 
@@ -31,7 +31,7 @@ class CoarseImpactError(ArithmeticError):
 
 
 def with_its_energy(system: System, before: BodyMotion, after: BodyMotion, found: ForceBalance,
-                    loading: Loading, owes: bool, heat: float = 0.0) -> BodyMotion:
+                    loading: Loading, owes: bool, heat: float) -> BodyMotion:
     """Return the motion at the end of a step with the energy that contact left it.
 
     before, after : the motion at both ends.  found : the balance at the end, under loading.  owes : whether what the
@@ -41,9 +41,8 @@ def with_its_energy(system: System, before: BodyMotion, after: BodyMotion, found
     if found.tractions is None or not len(before.push) or loading.inertia is None:
         return after
     mean = 0.5 * (before.push + after.push)
-    work = float((mean * (after.u - before.u)).sum())
     # fault: contact gains energy where surfaces part -> excess = 0.0 | mechanical_fmu/test_impact
-    excess = work + after.stored - before.stored + heat
+    excess = of_contact(before, after, heat)
     how, dt = system.spec.dynamics, loading.step.dt
     assert how is not None
     M = system.masses.matrix(how.lumped)

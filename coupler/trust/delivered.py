@@ -36,9 +36,7 @@ def checks(delivered: Mapping[str, float], totals: Mapping[str, float]) -> tuple
     received = {block: sum(totals.get(term, 0.0) for term in TERMS[block]) for block, heat in delivered.items() if heat}
     if not received:
         return ()
-    # Heat of squeezing goes to and fro, and its sum may be next to nothing; friction only heats.
-    scale = {block: abs(delivered[block]) if block in ONLY_HEATS else max(abs(delivered[block]), moved(totals))
-             for block in received}
+    scale = {block: _scale(block, abs(delivered[block]), totals) for block in received}
     off = {block: abs(heat - delivered[block]) / scale[block] for block, heat in received.items()}
     block = max(off, key=off.__getitem__)
     # fault: heat that is taken twice is trusted -> number = 0.0 | coupler/test_trust_delivered
@@ -58,12 +56,11 @@ def left_checks(handed: Mapping[str, float], left: Mapping[str, float],
     totals : all of the ledger over the run [J].
     Friction is handed over as it goes on; a body that stops within a long window makes less of it.
     """
-    made = {block: heat + left.get(block, 0.0) for block, heat in handed.items()}
-    most = {block: max(abs(heat), abs(handed[block])) for block, heat in made.items()}
-    scale = {block: most[block] if block in ONLY_HEATS else max(most[block], moved(totals)) for block in made}
+    made = {block: heat + left[block] for block, heat in handed.items() if heat or left[block]}
+    scale = {block: _scale(block, max(abs(heat), abs(handed[block])), totals) for block, heat in made.items()}
     # fault: friction heat that is nothing beside other heat is noted -> least = 0.0 | coupler/test_trust_delivered
     least = SLIGHT * moved(totals)
-    off = {b: max(abs(left.get(b, 0.0)) - least, 0.0) / scale[b] for b in made if scale[b] > 0.0}
+    off = {block: max(abs(left[block]) - least, 0.0) / scale[block] for block in made}
     if not off:
         return ()
     block = max(off, key=off.__getitem__)
@@ -75,3 +72,10 @@ def left_checks(handed: Mapping[str, float], left: Mapping[str, float],
              "temperatures are off by the difference",
         remedy="Use smaller windows where heat begins or ends, scheme: iterated, or adaptive windows (leave "
                "coupling.windows out)"),)
+
+
+def _scale(block: str, heat: float, totals: Mapping[str, float]) -> float:
+    """What is off is held against [J].  Heat of squeezing goes to and fro, and its sum may be next to nothing; friction
+    only heats.
+    """
+    return heat if block in ONLY_HEATS else max(heat, moved(totals))

@@ -14,10 +14,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Collection, Iterator, Mapping
-from copy import copy
 from dataclasses import dataclass, field, replace
 from enum import Enum
-from functools import cached_property
 from itertools import pairwise
 from typing import Any, Protocol
 
@@ -226,8 +224,11 @@ class Ways:
 
     def watched(self, log: WaysLog, before: Level, now: Level) -> WaysLog:
         """Return the log after a window."""
-        course = self._courses.between(before, now) if self._forces and self._passings else None
-        for told in self._passings:
+        return self._watched(log, before, now, self._passings)
+
+    def _watched(self, log: WaysLog, before: Level, now: Level, passings: tuple[_Passing, ...]) -> WaysLog:
+        course = self._courses.between(before, now) if self._forces and passings else None
+        for told in passings:
             p = told if course is None else self._gone(told, course, before.t)
             whole, turn = _share(p, before.x, before.t, now.t)
             # Between looks the path of a body is known up to half a turn.
@@ -245,18 +246,9 @@ class Ways:
 
     def outran(self, before: Level, now: Level) -> WaysLog | None:
         """Return how far bodies that forces move passed each other in a window, where that is too far; else None."""
-        if not any(any(p.free) for p in self._passings):
-            return None
-        log = self.only_free.watched(WaysLog(), before, now)
+        log = self._watched(WaysLog(), before, now, tuple(p for p in self._passings if any(p.free)))
         # fault: bodies that a force sets off outrun their window -> return None | coupler/test_trust_courses
         return log if log.share > SHARE * (1.0 + ROUND) else None
-
-    @cached_property
-    def only_free(self) -> Ways:
-        """Return these ways without pairs of which no body is moved by forces."""
-        ways = copy(self)
-        ways._passings = tuple(p for p in self._passings if any(p.free))
-        return ways
 
     def _gone(self, p: _Passing, course: Course, t0: float) -> _Passing:
         """A pair with how far its bodies went, where a force, a rule or a master may have moved them."""
