@@ -54,7 +54,7 @@ class Observer:
                                  scenario.coupling.substeps["mechanical"],
                                  scenario.coupling.scheme is Scheme.ITERATED, _fits(scenario),
                                  scenario.coupling.substeps["thermal"],
-                                 slight_errors(interface, scenario.models, scenario.coupling))
+                                 slight_errors(interface, scenario.models, scenario.coupling), self.probes.mechanical)
         self.watched = self.probes.measurable if units else self._watch.means
         self.conditions = ConditionReader(scenario.conditions, self._both)
         self.outputs = ExtraOutputs(halves, interface)

@@ -19,7 +19,7 @@ equation; Hairer, Norsett & Wanner, Solving Ordinary Differential Equations I, c
 does: by the ratio of the velocities at the end and at the start of a window, all probes together, and by no more than
 `PATIENCE` windows allow, for a velocity also turns round.  Past a kink of the data nothing is forgotten, and nothing is
 taken to grow but what is a shift of time, which stays (coupler.trust.time_shift).  What is told is the largest error at
-a time, by either.
+a time, by either.  Errors of what moves with inertia do not die out (coupler.trust.phases).
 """
 
 from __future__ import annotations
@@ -32,8 +32,9 @@ from types import MappingProxyType
 import numpy as np
 from numpy.typing import NDArray
 
-from coupler.trust import time_shift
+from coupler.trust import phases, time_shift
 from coupler.trust.checks import Check, TrustVerdict, amount, measured
+from coupler.trust.phases import Mask, PhaseLog
 from coupler.trust.time_shift import Shift, ShiftLog, Turning
 
 Array = NDArray[np.float64]
@@ -123,6 +124,7 @@ class ErrorLog:
     at_switch : (n, 2) errors and bends of either that were looked at, milder : of those that erred by no more than MOST
     of what they bent.
     curve [1/s2]: |v''| of the last window that is at no switch.  shifts : what shifts the run in time.
+    phases : of probes whose errors do not die out.
     windows : of which `looked` were looked at, for `solves` solver calls; worst : the largest error, of a probe's range
     then, in the window to t [s].
     """
@@ -145,6 +147,7 @@ class ErrorLog:
     jumps: Array = field(default_factory=_empty)
     curve: Array = field(default_factory=_empty)
     shifts: ShiftLog = field(default_factory=ShiftLog)
+    phases: PhaseLog = field(default_factory=PhaseLog)
     windows: int = 0
     looked: int = 0
     solves: int = 0
@@ -152,13 +155,16 @@ class ErrorLog:
     t: float = 0.0
 
 
-def begun(values: Array, t: float = 0.0) -> ErrorLog:
-    """Return the log at the start.  values : (n,) of the probes in SI, at t [s]."""
+def begun(values: Array, t: float = 0.0, lasts: Mask | None = None) -> ErrorLog:
+    """Return the log at the start.
+
+    values : (n,) of the probes in SI, at t [s].  lasts : (n,) whose errors do not die out; None: nobody's.
+    """
     values, none = np.where(np.isfinite(values), values, 0.0), np.zeros(len(values))
     classes = np.zeros((len(values), CLASSES))
     return ErrorLog(values, values, np.abs(values), values, t, none, none, none, classes, classes, classes, classes,
                     none, np.zeros((len(values), 2)), np.zeros((len(values), 2)), none,
-                    shifts=time_shift.begun(values, t))
+                    shifts=time_shift.begun(values, t), phases=PhaseLog() if lasts is None else phases.begun(lasts))
 
 
 def watched(log: ErrorLog, seen: Looked, t: float, *, fresh: bool = False) -> ErrorLog:
@@ -168,11 +174,13 @@ def watched(log: ErrorLog, seen: Looked, t: float, *, fresh: bool = False) -> Er
     bend = np.maximum(seen.second, CHANGE * np.abs(log.values - before))
     # fault: a look at a switch of contact is taken for the rest -> apart = np.zeros(len(bend), dtype=bool) |
     #   coupler/test_trust_errors
-    apart = _jumps(log, seen.second, H, fresh or seen.by_itself) | seen.switch
+    apart, whole = _jumps(log, seen.second, H, fresh or seen.by_itself) | seen.switch, bend
     log = _looked_at(log, seen, t, bend, apart) if seen.error.size else _to_carry_on(log, seen, H, bend, apart)
     curve = log.curve if seen.switch and log.curve.size else seen.second / H**2
     shifts = time_shift.watched(log.shifts, t, log.values, seen.turning, seen.shift, seen.switch)
-    return replace(log, told=np.maximum(log.told, _now(log)), curve=curve, shifts=shifts)
+    log = replace(log, curve=curve, shifts=shifts,
+                  phases=phases.watched(log.phases, log.values - before, H, whole, fresh))
+    return replace(log, told=np.maximum(log.told, _now(log)))
 
 
 def _looked_at(log: ErrorLog, seen: Looked, t: float, bend: Array, apart: NDArray[np.bool_]) -> ErrorLog:
@@ -231,9 +239,12 @@ def _moved(log: ErrorLog, seen: Looked, t: float, fresh: bool) -> ErrorLog:
     scale = np.maximum(high - low, SOLVED * most + 1e-300)
     before, now = (float(np.linalg.norm(v / scale)) for v in (log.pace, pace))
     # fault: what dies out by itself is told as if it stayed -> left = 1.0 | coupler/test_trust_errors
-    left = min(now / before, 1.0) if before > 0.0 and not fresh else 1.0
+    falls = min(now / before, 1.0) if before > 0.0 and not fresh else 1.0
+    # fault: what moves with inertia forgets its errors as its speed falls -> left = np.full(len(values), falls) |
+    #   coupler/test_trust_phases
+    left = np.where(log.phases.lasts, 1.0, falls) if log.phases.lasts.size else np.full(len(values), falls)
     return replace(log, windows=log.windows + 1, low=low, high=high, most=most, values=values, at=t, pace=pace,
-                   known=left * log.known, rest=left * log.rest, switches=left * log.switches,
+                   known=left * log.known, rest=left[:, None] * log.rest, switches=left * log.switches,
                    # fault: what a jump leaves is carried on as what is smooth -> jumps=left * log.jumps, |
                    #   coupler/test_trust_errors
                    jumps=math.exp(-1.0) * log.jumps,
@@ -270,7 +281,9 @@ def _now(log: ErrorLog) -> Array:
     alone = np.where(bend > 0.0, np.minimum(ratios, MOST), 0.0) * log.rest.sum(axis=1)
     # fault: smooth windows have no error where every look met a switch -> return log.known + apart + smooth |
     #   coupler/test_trust_errors
-    return log.known + apart + np.where(log.bends.any(axis=1), smooth, alone)
+    total = log.known + apart + np.where(log.bends.any(axis=1), smooth, alone)
+    errors, bends = log.errors.sum(axis=1) + error, log.bends.sum(axis=1) + bend
+    return total * phases.in_step(log.phases, errors, bends)
 
 
 def _carried_on(log: ErrorLog) -> Array:
