@@ -136,7 +136,7 @@ class StiffnessAnchor:
         dofs = self.system.contact.dofs
         found = np.empty((rows.size, dofs.size))
         for start in range(0, dofs.size, RIGHT_SIDES):
-            unit = np.zeros((self.matrix.shape[0], min(RIGHT_SIDES, dofs.size - start)))
+            unit = np.zeros((self.matrix.shape[0], min(RIGHT_SIDES, dofs.size - start)), order="F")
             unit[dofs[start : start + RIGHT_SIDES], np.arange(unit.shape[1])] = 1.0
             found[:, start : start + RIGHT_SIDES] = self.solve(unit)[rows]
         return found

@@ -95,7 +95,7 @@ class FactoredAnchor:
         n, W = self.anchor.indptr.size - 1, np.empty((self.anchor.indptr.size - 1, self.nodes.size))
         for start in range(0, self.nodes.size, RIGHT_SIDES):
             some = self.nodes[start : start + RIGHT_SIDES]
-            unit = np.zeros((n, some.size))
+            unit = np.zeros((n, some.size), order="F")
             unit[some, np.arange(some.size)] = 1.0
             W[:, start : start + RIGHT_SIDES] = self.solve(unit)
         return W

@@ -174,6 +174,20 @@ def test_wrong_factors_are_told(pardiso):
         solve(np.ones((A.shape[0], 3)))
 
 
+@pytest.mark.parametrize("wrong", [0, 31, 63])
+def test_one_wrong_side_of_many_is_told(pardiso, wrong):
+    """Columns of any size, one of which reaches where the matrix changed after it was factored."""
+    n = 80
+    A = csr_matrix(np.diag(np.linspace(1.0, 2.0, n)))
+    solve = factorise(A)
+    sides = np.zeros((n, 64))
+    sides[np.arange(64), np.arange(64)] = np.logspace(-12.0, 12.0, 64)
+    assert np.allclose(A @ solve(sides), sides, rtol=1e-12, atol=0.0)
+    A.data[wrong] *= 1.001
+    with pytest.raises(SingularMatrixError, match=r"residual of 1\.0e-03"):
+        solve(sides)
+
+
 def test_an_unknown_solver_is_told(monkeypatch):
     monkeypatch.setenv("SLIDELINE_SOLVER", "cramer")
     with pytest.raises(ValueError, match="known: superlu, pardiso"):
