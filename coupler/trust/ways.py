@@ -164,6 +164,15 @@ class WaysLog:
     by_edges: bool = False
 
 
+def _is_named(m: Way | None) -> bool:
+    return isinstance(m, Motion) and m.named
+
+
+def _follows(p: _Passing) -> bool:
+    """Whether how far bodies of a pair went is read off them, not off what is stated."""
+    return any(p.free) or any(map(_is_named, p.motions))
+
+
 class Ways:
     """The pairs of a scene whose bodies are told how to move past each other."""
 
@@ -184,7 +193,7 @@ class Ways:
 
     def after(self, course: Course, before: Level, now: Level) -> Course:
         """Return how bodies go after a window."""
-        return self._courses.after(course, before, now) if self._passings else course
+        return self._courses.after(course, before, now) if any(any(p.free) for p in self._passings) else course
 
     def longest(self, x: Array, t0: float, t1: float, course: Course | None = None) -> float:
         """Return when a window from t0 has to end [s], at most t1, so that it passes nothing unseen.
@@ -227,7 +236,7 @@ class Ways:
         return self._watched(log, before, now, self._passings)
 
     def _watched(self, log: WaysLog, before: Level, now: Level, passings: tuple[_Passing, ...]) -> WaysLog:
-        course = self._courses.between(before, now) if self._forces and passings else None
+        course = self._courses.between(before, now) if self._forces and any(map(_follows, passings)) else None
         for told in passings:
             p = told if course is None else self._gone(told, course, before.t)
             whole, turn = _share(p, before.x, before.t, now.t)
@@ -254,7 +263,7 @@ class Ways:
         """A pair with how far its bodies went, where a force, a rule or a master may have moved them."""
         one, other = (
             # fault: what forces and rules did to bodies is not looked at -> m | coupler/test_trust_courses
-            self._flown(m, b, course, t0) if free or (isinstance(m, Motion) and m.named) else m
+            self._flown(m, b, course, t0) if free or _is_named(m) else m
             for m, free, b in zip(p.motions, p.free, p.bodies, strict=True))
         return replace(p, motions=(one, other))
 
