@@ -94,11 +94,9 @@ def checks(log: MeshLog) -> tuple[Check, ...]:
     """Return the check at the end, none where no half tells of its mesh."""
     if not log.energy:
         return ()
-    sums = [(of, sum(of.values())) for of in (log.energy, log.uneven)]
-    shares = {b: max(of.get(b, 0.0) / J if J > 0.0 else 0.0 for of, J in sums) for b in log.energy}
     # fault: a body that bears nothing is held against itself -> bearing = [b for b, J in log.energy.items() if J > 0.0]
     #   | coupler/test_trust_mesh
-    bearing = [b for b, J in log.energy.items() if shares[b] > SMALL and _of_heat(log, b) < J + log.misses(b)[0]]
+    bearing = [body for body, much in bears(log).items() if much]
     # fault: a plate that bows freely is held against its own faint stress -> moved = log.energy |
     #   coupler/test_trust_mesh
     moved = {b: log.energy[b] + log.uneven.get(b, 0.0) for b in bearing}
@@ -115,6 +113,16 @@ def checks(log: MeshLog) -> tuple[Check, ...]:
              f"t = {t:.6g} s",
         remedy=f"Use {more} times as many cells along each edge of the body, or where its stress changes most; where "
                "it bends, mechanical.elastic.element: enhanced"),)
+
+
+def bears(log: MeshLog) -> dict[str, bool]:
+    """Return body -> whether it bears more than SMALL of the scene's strain energy, or of its heat's.
+
+    Bodies that bear nothing beside their heat, or nothing at all, are left out.
+    """
+    sums = [(of, sum(of.values())) for of in (log.energy, log.uneven)]
+    shares = {b: max(of.get(b, 0.0) / J if J > 0.0 else 0.0 for of, J in sums) for b in log.energy}
+    return {b: shares[b] > SMALL for b, J in log.energy.items() if _of_heat(log, b) < J + log.misses(b)[0]}
 
 
 def _of_heat(log: MeshLog, body: str) -> float:

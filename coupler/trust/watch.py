@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from contact.half.interface import Interface
+from coupler.scenario.probes import Probe
 from coupler.scenario.scales import left_of_nothing
 from coupler.scenario.thermal_data import TemperatureData
 from coupler.schemes.ledger import NO_TERMS, imbalance
@@ -32,6 +33,7 @@ from coupler.trust import (
     mesh,
     motion,
     passing,
+    peak_stress,
     penetration,
     rhythm,
     round_gaps,
@@ -82,6 +84,7 @@ class TrustLog:
     tables: tables.TableLog = field(default_factory=tables.TableLog)
     across: across.AcrossLog = field(default_factory=across.AcrossLog)
     mesh: mesh.MeshLog = field(default_factory=mesh.MeshLog)
+    peak_stress: peak_stress.PeakLog = field(default_factory=peak_stress.PeakLog)
     heat_mesh: heat_mesh.HeatMeshLog = field(default_factory=heat_mesh.HeatMeshLog)
     extremes: extremes.ExtremesLog = field(default_factory=extremes.ExtremesLog)
     stored: stored.StoredLog = field(default_factory=stored.StoredLog)
@@ -105,13 +108,15 @@ class TrustWatch:
                  probes: Mapping[str, str] | None = None, adaptive: bool = False,
                  own_meshes: Collection[str] = (), ignored: Collection[str] = (), substeps: int = 1,
                  iterated: bool = False, fits: Mapping[str, Any] | None = None, looks: int = 1,
-                 slight: Mapping[str, float] = NOTHING, moving: Mask | None = None) -> None:
+                 slight: Mapping[str, float] = NOTHING, moving: Mask | None = None,
+                 stress: Mapping[str, Probe] | None = None) -> None:
         """models : of the halves (model.json).  probes : name -> unit; none: mean temperatures of bodies stand for
         them (`means`).  adaptive : whether windows find their own size.  own_meshes : the roles of halves on one.
         ignored : paths of the scene that the thermal half may leave out.  substeps : of the mechanical half in a
         window.  iterated : whether every window is.  fits : pair -> its clearance or interference, as stated.  looks :
         substeps of the thermal half in a window.  slight : unit -> an error that harms nobody [SI].
-        moving : (n,) which of the probes the mechanical half makes.
+        moving : (n,) which of the probes the mechanical half makes.  stress : probes by name, those that read a
+        stress among them.
         """
         self._slight = slight
         self._iterated = iterated
@@ -133,6 +138,7 @@ class TrustWatch:
         of_heat = models["thermal"].get("pairs", {})
         self._meeting = [(pair.slave.partition(".")[0], pair.master.partition(".")[0]) for pair in interface.pairs
                          if of_heat.get(pair.name)]
+        self._peak_stress = peak_stress.PeakStress(interface, models["mechanical"], stress or {})
         self._tables = tables.MaterialTables(interface, models)
         self._stored = stored.StoredHeat(interface, models["thermal"], "thermal" in self._own_meshes,
                                          ignored)
@@ -220,6 +226,10 @@ class TrustWatch:
         return replace(log, mesh=mesh.watched(log.mesh, told, t),
                        heat_mesh=heat_mesh.watched(log.heat_mesh, of_heat, t))
 
+    def looked_at_stress(self, log: TrustLog, told: Mapping[str, Array], t: float) -> TrustLog:
+        """Return the log after a look at the stress at t [s].  told : outputs of the mechanical half by name [Pa]."""
+        return replace(log, peak_stress=self._peak_stress.watched(log.peak_stress, told, t))
+
     def wants_extremes(self, log: TrustLog, at_end: bool, t: float, event: float) -> bool:
         """Whether to ask the thermal half for what its mesh does to extremes.  The rest is as of `extremes.due`."""
         return extremes.due(log.extremes, log.windows, log.temperatures.own_span, at_end, t, event)
@@ -265,6 +275,8 @@ class TrustWatch:
             *heat_mesh.checks(log.heat_mesh, log.temperatures.span, self._meeting, self._slight.get("K", 0.0)),
             *extremes.checks(log.extremes, log.temperatures.own_span, self._slight.get("K", 0.0)),
             *mesh.checks(log.mesh),
+            *self._peak_stress.checks(log.peak_stress, mesh.bears(log.mesh) if log.mesh.energy else
+                                      dict.fromkeys(self._interface.bodies, True), self._nothing.get("Pa", 0.0)),
             *across.checks(log.across, log.temperatures.span),
             *rhythm.checks(log.rhythm, self._place(log.rhythm.node), self._interface.bodies),
             *passing.checks(log.passing, self._place(log.passing.node, log.passing.end), bool(self._interface.pairs),

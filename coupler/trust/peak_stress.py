@@ -1,0 +1,266 @@
+"""How far the highest stress of each body, and each probe of a stress, is off because cells are too large.
+
+A half tells the mean stress of its cells (output sigma).  At a surface, where stress is highest most times, that is the
+stress half a cell away, and what few cells of a mesh are off by at one place is nothing of the energy of a body.  So
+what is told is held against the stress at nodes that a field fitted to the cells around has there (nodal_stress.py), of
+the second order and of the first.  What they differ by says how well the fit itself is known, and the larger of both
+differences is the error.  Of plates with a hole, thick tubes, notched bars, beams and hot discs it is 0.5 to 1.3 times
+the true error wherever that is from 1 to 30 %; of cells larger than what they are to resolve it is less.
+
+Of a body the largest von Mises and the largest principal stress are held so.  Where nobody asks for them that is told
+and breaks no run; a probe that is off by more than the second limit does.  Errors are held against the largest that
+the probe told over the run, but no less than LITTLE of the highest stress of its body: a shear stress that is 0 by
+symmetry is off by many times itself.  Left out are bodies that flow or creep (stress is bounded by what they bear, and
+not by a smooth field), rigid ones and ones that bear nothing (mesh.py).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Mapping
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from contact.half.interface import Interface
+from coupler.fmu.half import Block
+from coupler.fmu.outputs import On, component_of, place_of
+from coupler.scenario.probes import Probe
+from coupler.trust.checks import Check, TrustVerdict, amount, measured
+from coupler.trust.nodal_stress import LINEAR, NodalStress, nodal_stress, von_mises
+from coupler.trust.stress_corners import places_without_bound
+
+Floats = NDArray[np.float64]
+Ints = NDArray[np.intp]
+
+LIMITS = (0.05, 0.2)  # of the stress: noted, broken where a probe asks
+LITTLE = 0.1  # of the highest stress of the body
+NAME = "cells fine enough for the highest stress"
+STRESS = "sigma"
+VON_MISES, PRINCIPAL = "von Mises stress", "principal stress"
+COLUMNS = {STRESS: 4, "sigma_v": 1, "sigma_hoop": 1}
+FLOWS = ("plastic", "creep", "liquid")
+
+
+def stress_outputs(blocks: Mapping[str, Block], interface: Interface, own_meshes: Collection[str]) -> list[str]:
+    """Return the outputs of a mechanical half that tell its stress, none where it has a mesh of its own."""
+    n = len(interface.quads) + len(interface.triangles)
+    if "mechanical" in own_meshes or STRESS not in blocks or place_of(blocks[STRESS], interface) is not On.CELLS:
+        return []
+    return [name for name, of in COLUMNS.items() if name in blocks and blocks[name].shape in ((n,), (n, of))]
+
+
+@dataclass(frozen=True)
+class Found:
+    """A stress that is told.  told, at_nodes : by the cells and at nodes, off : by how much it may be off [Pa].
+
+    t [s]: when.  node : where; -1: at more than one.
+    """
+
+    told: float = 0.0
+    at_nodes: float = 0.0
+    off: float = 0.0
+    t: float = 0.0
+    node: int = -1
+
+
+@dataclass(frozen=True)
+class PeakLog:
+    """Of each body and kind of stress, "BODY KIND", and of each probe: when it was off most, and the largest told [Pa].
+
+    highest : body -> the largest von Mises stress told so far [Pa].  looks : so many.
+    """
+
+    worst: Mapping[str, Found] = field(default_factory=dict)
+    largest: Mapping[str, float] = field(default_factory=dict)
+    highest: Mapping[str, float] = field(default_factory=dict)
+    looks: int = 0
+
+
+class PeakStress:
+    """Holds the stress that is told against that at nodes.  It remembers what follows from the scene alone."""
+
+    def __init__(self, interface: Interface, model: Mapping[str, Any], probes: Mapping[str, Probe]) -> None:
+        """model : model.json of the mechanical half.  probes : of the scenario, by name."""
+        self._interface, self._model = interface, model
+        about = model.get("bodies", {})
+        # fault: a body that yields is held to a smooth stress -> flows = set() | coupler/test_trust_peak_stress
+        flows = {name for name, m in model.get("materials", {}).items() if any(m.get(key) for key in FLOWS)}
+        self._bodies = {name: b for b, name in enumerate(interface.bodies)
+                        if not (about.get(name, {}).get("rigid") or flows & set(_materials(about.get(name, {}))))}
+        self._probes = {name: (probe, *found) for name, probe in probes.items()
+                        if probe.half == "mechanical" and (found := component_of(probe.output, COLUMNS))
+                        and probe.nodes.size and self._body(probe) in self._bodies}
+
+    def watched(self, log: PeakLog, told: Mapping[str, Floats], t: float) -> PeakLog:
+        """Return the log after a look at t [s].  told : sigma (n_cells, 4), and more of COLUMNS if there is [Pa]."""
+        stress = told[STRESS]
+        if not self._bodies or not np.isfinite(stress).all():
+            return log
+        of_cells = {VON_MISES: told.get("sigma_v", von_mises(stress)), PRINCIPAL: _principal(stress)}
+        rows = [fit.fit @ stress for fit in self._fits]
+        of_rows = [{VON_MISES: von_mises(row), PRINCIPAL: _principal(row)} for row in rows]
+        found, highest = {}, dict(log.highest)
+        for body, b in self._bodies.items():
+            cells, own = self._cells[b]
+            if not own.size:
+                continue
+            for kind, values in of_cells.items():
+                smooth, straight = (of[kind][own] for of in of_rows)
+                at = int(self._fits[0].node[own[np.argmax(smooth)]])
+                found[f"{body} {kind}"] = _found(values[cells].max(), smooth.max(), straight.max(), t, at)
+            highest[body] = max(highest.get(body, 0.0), found[f"{body} {VON_MISES}"].told)
+        for name, (probe, quantity, column) in self._probes.items():
+            if self._known[probe.nodes].all():
+                found[name] = self._of_probe(probe, quantity, column, told, of_cells[VON_MISES], rows, t)
+        # fault: what was off before is forgotten -> worst = found | coupler/test_trust_peak_stress
+        worst = {**log.worst, **{n: f for n, f in found.items() if n not in log.worst or f.off >= log.worst[n].off}}
+        largest = {n: max(log.largest.get(n, 0.0), abs(f.told), abs(f.at_nodes)) for n, f in found.items()}
+        return PeakLog(worst, {**log.largest, **largest}, highest, log.looks + 1)
+
+    def checks(self, log: PeakLog, bearing: Mapping[str, bool], nothing: float) -> tuple[Check, ...]:
+        """Return the check at the end, none where no half tells its stress.
+
+        bearing : body -> whether it bears enough for its highest stress to count; without those that bear nothing.
+        nothing [Pa]: a stress that is none.
+        """
+        if not log.looks or not self._bodies:
+            return ()
+        rows = []
+        for key, found in log.worst.items():
+            asked = key in self._probes
+            body = self._body(self._probes[key][0]) if asked else key.rpartition(f" {_kind(key)}")[0]
+            if body not in bearing or not (asked or bearing[body]):
+                continue
+            highest = log.highest.get(body, 0.0)
+            least = max(LITTLE * highest if asked else max(log.largest[f"{body} {k}"] for k in (VON_MISES, PRINCIPAL)),
+                        nothing)
+            # fault: a probe that is off counts no more than what nobody asks -> asked = False |
+            #   coupler/test_trust_peak_stress
+            share = found.off / max(log.largest[key], least) if found.off > 0.0 else 0.0
+            rows.append((asked and share > LIMITS[1], share, key, found, asked, body))
+        if not rows:
+            why = "no elastic body bears anything, or all are of a single row of cells"
+            return (Check(NAME, TrustVerdict.UNCHECKED, what=why),)
+        _, share, key, found, asked, body = max(rows, key=lambda row: row[:2])
+        limits = LIMITS if asked else (LIMITS[0], np.inf)
+        check = measured(NAME, share, limits, t=found.t, what=self._what(key, found, share, asked, body),
+                         remedy=self._remedy(found, share))
+        return (check,)
+
+    def _what(self, key: str, found: Found, share: float, asked: bool, body: str) -> str:
+        where = self._place(found.node)
+        which = f"the probe {key} tells" if asked else f"the highest {_kind(key)} of {body} is told as"
+        more = "and that may be off by" if self._unbound(found.node) else "and is off by about"
+        return (f"{which} {amount(found.told, 'Pa')}, as cells have it, {more} {amount(found.off, 'Pa')}, "
+                f"{100.0 * share:.3g} % of the largest of the run, because they are too large: a field fitted to them "
+                f"has {amount(found.at_nodes, 'Pa')}{where}, at t = {found.t:.6g} s")
+
+    def _remedy(self, found: Found, share: float) -> str:
+        if why := self._unbound(found.node):
+            return (f"Stress has no bound there ({why}): smaller cells only make it larger. Read it elsewhere, or draw "
+                    "the radius that the corner has")
+        if found.node < 0:
+            return f"Use cells {share / LIMITS[0]:.2g} times as small there for {100.0 * LIMITS[0]:.3g} %"
+        h = self._sizes[found.node]
+        # fault: the size of cells told does not lead to the limit -> enough = h | coupler/test_trust_peak_stress
+        enough = h * LIMITS[0] / max(share, LIMITS[0])
+        return (f"Use cells of {amount(enough, 'm')} there for {100.0 * LIMITS[0]:.3g} %; they are of "
+                f"{amount(h, 'm')}, and half as large ones halve the error")
+
+    def _of_probe(self, probe: Probe, quantity: str, column: int, told: Mapping[str, Floats], sigma_v: Floats,
+                  rows: list[Floats], t: float) -> Found:
+        if quantity == "sigma_v":
+            values, at = sigma_v, [von_mises(row) for row in rows]
+        else:
+            column = 3 if quantity == "sigma_hoop" else column
+            values, at = told[STRESS][:, column], [row[:, column] for row in rows]
+        smooth, straight = (of[self._row_of] for of in at)
+        node = -1
+        if probe.reduction in ("max", "min"):
+            order = smooth[probe.nodes]
+            node = int(probe.nodes[np.argmax(order) if probe.reduction == "max" else np.argmin(order)])
+        elif probe.reduction == "point":
+            node = int(probe.nodes[np.argmax(probe.weights)])
+        return _found(probe.of_cells(values), probe.of(smooth), probe.of(straight), t, node)
+
+    def _body(self, probe: Probe) -> str:
+        return self._interface.bodies[self._interface.node_body[probe.nodes[0]]]
+
+    @cached_property
+    def _fits(self) -> tuple[NodalStress, NodalStress]:
+        return nodal_stress(self._interface), nodal_stress(self._interface, LINEAR)
+
+    @cached_property
+    def _cells(self) -> dict[int, tuple[Ints, Ints]]:
+        """Body -> its cells, and its rows of the fits that are known."""
+        of = np.concatenate([self._interface.quad_body, self._interface.triangle_body])
+        fit = self._fits[0]
+        rows = np.where(fit.known, self._interface.part_body[fit.part], -1)
+        return {b: (np.flatnonzero(of == b), np.flatnonzero(rows == b)) for b in self._bodies.values()}
+
+    @cached_property
+    def _row_of(self) -> Ints:
+        """(n_nodes,) a row of the fits for each node: of parts that meet there the first."""
+        rows = np.zeros(len(self._interface.nodes), dtype=np.intp)
+        node = self._fits[0].node[::-1]
+        rows[node] = np.arange(node.size)[::-1]
+        return rows
+
+    @cached_property
+    def _known(self) -> NDArray[np.bool_]:
+        known = np.ones(len(self._interface.nodes), dtype=bool)
+        np.logical_and.at(known, self._fits[0].node, self._fits[0].known)
+        return known
+
+    @cached_property
+    def _sizes(self) -> Floats:
+        """(n_nodes,) [m] the root of the mean area of the cells around a node, as that of a square."""
+        area, count = np.zeros(len(self._interface.nodes)), np.zeros(len(self._interface.nodes))
+        for cells, squares in ((self._interface.quads, 1.0), (self._interface.triangles, 2.0)):
+            x, y = np.moveaxis(self._interface.nodes[cells], 2, 0)
+            of = 0.5 * squares * (x * np.roll(y, -1, axis=1) - y * np.roll(x, -1, axis=1)).sum(axis=1)
+            np.add.at(area, cells, of[:, None])
+            np.add.at(count, cells, 1.0)
+        return np.asarray(np.sqrt(area / np.maximum(count, 1.0)))
+
+    @cached_property
+    def _no_bound(self) -> dict[int, str]:
+        """As places_without_bound, for the nodes next to such a place too."""
+        at = places_without_bound(self._interface, self._model)
+        near: dict[int, str] = {}
+        for cells in (self._interface.quads, self._interface.triangles):
+            for corners in cells[np.isin(cells, list(at)).any(axis=1)].tolist():
+                near |= dict.fromkeys(corners, next(at[k] for k in corners if k in at))
+        return near | at
+
+    def _unbound(self, node: int) -> str:
+        return self._no_bound.get(node, "")
+
+    def _place(self, node: int) -> str:
+        if node < 0:
+            return ""
+        x, y = self._interface.nodes[node]
+        return f" at ({x:.4g}, {y:.4g}) m"
+
+
+def _found(told: float, smooth: float, straight: float, t: float, node: int) -> Found:
+    # fault: how well the fit is known does not count -> off = abs(smooth - told) | coupler/test_trust_peak_stress
+    off = max(abs(smooth - told), abs(smooth - straight))
+    return Found(float(told), float(smooth), float(off), t, node)
+
+
+def _kind(key: str) -> str:
+    return VON_MISES if key.endswith(VON_MISES) else PRINCIPAL
+
+
+def _principal(stress: Floats) -> Floats:
+    """(n,) [Pa] the largest principal stress of (n, 4)."""
+    a, b, shear, c = stress.T
+    return np.asarray(np.maximum(0.5 * (a + b) + np.hypot(0.5 * (a - b), shear), c))
+
+
+def _materials(body: Mapping[str, Any]) -> list[str]:
+    return [str(part.get("material")) for part in (body, *(body.get("regions") or {}).values())]

@@ -1,0 +1,78 @@
+"""Stress at nodes, fitted to the means of cells: exact where it is of second order in place, in any frame."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+sys.path.insert(0, str(Path(__file__).parent))
+from mesh_scenes import rectangles, turned
+
+from coupler.trust.nodal_stress import LINEAR, nodal_stress, von_mises
+
+CELLS = {"low": (6, 4), "up": (5, 3)}
+AT = {2: lambda x, y: 3.0 + x - 2.0 * y + 0.5 * x * x - x * y + 2.0 * y * y, 1: lambda x, y: 3.0 + x - 2.0 * y}
+
+
+def middles(interface):
+    """(n_cells, 2) [m]."""
+    return np.concatenate([interface.nodes[of].mean(axis=1) for of in (interface.quads, interface.triangles)])
+
+
+def fitted(interface, values, fits=None):
+    """How far the fit is from `values` at its nodes, where their means at the middles of cells are given."""
+    fit = nodal_stress(interface) if fits is None else nodal_stress(interface, fits)
+    assert fit.known.all()
+    return fit.fit @ values(*middles(interface).T) - values(*interface.nodes[fit.node].T)
+
+
+@pytest.mark.parametrize("grading", [(1.0, 1.0), (5.0, 0.3)])
+@pytest.mark.parametrize("angle", [0.0, 0.7])
+def test_a_field_of_second_order_is_fitted_as_it_is(grading, angle):
+    interface = turned(rectangles(CELLS, grading=grading), angle, (3.0, -2.0))
+    assert np.abs(fitted(interface, AT[2])).max() < 1e-8
+    assert np.abs(fitted(interface, AT[1], LINEAR)).max() < 1e-9
+    assert np.abs(fitted(interface, AT[2], LINEAR)).max() > 1e-3
+
+
+def test_triangles_are_read_in_the_middle_of_their_edges():
+    """A triangle is off by something of one sign, its neighbour by the other: where they meet it is nothing."""
+    interface = rectangles(CELLS, triangles=("low", "up"))
+    fit, x = nodal_stress(interface), middles(interface)
+    y = interface.nodes[interface.triangles][..., 1]
+    up = np.where(y.mean(axis=1) < 0.5 * (y.min(axis=1) + y.max(axis=1)), 1.0, -1.0)
+    assert up.sum() == 0.0
+    told = fit.fit @ (AT[1](*x.T) + 0.1 * up) - AT[1](*interface.nodes[fit.node].T)
+    assert np.abs(told).max() < 1e-8
+
+
+def test_two_rows_of_cells_tell_curvature_along_them():
+    interface = rectangles({"low": (6, 2), "up": (2, 5)})
+    for values, exact in ((lambda x, y: 1.0 + x + y + 2.0 * x * x, True), (lambda x, y: y * y, False)):
+        off = np.abs(fitted(interface, values)[interface.node_body[nodal_stress(interface).node] == 0]).max()
+        assert (off < 1e-4) == exact
+
+
+def test_one_row_of_cells_does_not_tell_what_is_across():
+    fit = nodal_stress(rectangles({"low": (6, 1), "up": (5, 3)}))
+    in_row = fit.part == 0
+    assert not fit.known[in_row].any()
+    assert fit.known[~in_row].all()
+    # What stands in is the mean of the cells around.
+    assert np.asarray(fit.fit.sum(axis=1)).ravel() == pytest.approx(1.0)
+
+
+def test_bodies_are_fitted_each_by_itself():
+    interface = rectangles(CELLS)
+    values = np.where(np.concatenate([interface.quad_body, interface.triangle_body]) == 0, 1.0, 5.0)
+    fit = nodal_stress(interface)
+    assert fit.fit @ values == pytest.approx(np.where(fit.part == 0, 1.0, 5.0))
+
+
+def test_the_size_of_a_stress():
+    """|s| of tension, sqrt(3) |t| of shear, nothing of pressure."""
+    rows = np.array([[3.0, 0.0, 0.0, 0.0], [0.0, 0.0, 2.0, 0.0], [4.0, 4.0, 0.0, 4.0]])
+    assert von_mises(rows) == pytest.approx([3.0, 2.0 * np.sqrt(3.0), 0.0])
