@@ -22,6 +22,7 @@ CURVE = 2.0  # and by so many times what it turns in at the nodes next to it: a 
 # Widest angle at which stress is bounded where a clamped edge meets a free one (Williams 1952).  Where one on rollers
 # does, it is as in a body of twice the angle.
 CLAMPED = np.deg2rad(61.0)
+STRAIGHT = 1e-3  # rad: less is round-off of a straight side
 ALONG = 0.1  # of an edge's length: what it may go along the component that is held, and be one of symmetry
 
 
@@ -54,6 +55,14 @@ def places_without_bound(interface: Interface, model: Mapping[str, Any]) -> dict
         if turn[k] > CORNER and turn[k] > CURVE * next_to:
             found[k] = "a corner goes into the body"
     return found
+
+
+def curves(interface: Interface) -> dict[int, tuple[float, int, int]]:
+    """Return node -> by how much [rad] a body turns in there, and its neighbours, of nodes on curves and no corners."""
+    angle, ahead, behind = _outline(interface)
+    turn = angle - np.pi
+    return {k: (float(turn[k]), int(ahead[k]), int(behind[k])) for k in np.flatnonzero(ahead >= 0).tolist()
+            if STRAIGHT < turn[k] <= CURVE * max(turn[ahead[k]], turn[behind[k]])}
 
 
 def _ends(interface: Interface, entry: Mapping[str, Any], ahead: Ints, behind: Ints

@@ -7,11 +7,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy.sparse import csr_matrix
 
 sys.path.insert(0, str(Path(__file__).parent))
 from mesh_scenes import rectangles, turned
 
-from coupler.trust.nodal_stress import LINEAR, nodal_stress, von_mises
+from coupler.trust.nodal_stress import LINEAR, _fitted, nodal_stress, von_mises
 
 CELLS = {"low": (6, 4), "up": (5, 3)}
 AT = {2: lambda x, y: 3.0 + x - 2.0 * y + 0.5 * x * x - x * y + 2.0 * y * y, 1: lambda x, y: 3.0 + x - 2.0 * y}
@@ -63,6 +64,16 @@ def test_one_row_of_cells_does_not_tell_what_is_across():
     assert fit.known[~in_row].all()
     # What stands in is the mean of the cells around.
     assert np.asarray(fit.fit.sum(axis=1)).ravel() == pytest.approx(1.0)
+
+
+def test_what_places_are_off_by_is_not_made_much_of():
+    """Places on a circle do not tell what is in its middle; those near one hardly do."""
+    angle = np.linspace(0.0, 6.0, 9)
+    every, middle = csr_matrix(np.ones((1, 9))), np.zeros((1, 2))
+    for uneven, good in ((0.0, False), (0.02, False), (0.5, True)):
+        r = 1.0 + uneven * np.cos(3.0 * angle)
+        X = np.stack([r * np.cos(angle), r * np.sin(angle)], axis=1)
+        assert _fitted(every, X, middle, 2, 9, False)[1] == [good]
 
 
 def test_bodies_are_fitted_each_by_itself():

@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from contact.half.interface import Interface
 from coupler import load_scenario, run
 from coupler.fmu.launch import launch
 from coupler.running.resume import resume
@@ -190,3 +191,28 @@ def test_how_well_the_fit_is_known_counts():
     found = watch.watched(PeakLog(), {"sigma": bent}, 1.0).worst["low von Mises stress"]
     assert abs(found.at_nodes - found.told) < 1.0
     assert found.off > 1e5
+
+
+def test_cells_as_large_as_a_notch():
+    """A quarter of a ring of 3 edges and a layer, radii 1 and 1.6: the middle of cells is 0.3 of the radius deep."""
+    angle = np.linspace(0.0, np.pi / 2, 4)
+    around = np.stack([np.cos(angle), np.sin(angle)], axis=1)
+    nodes = (np.array([1.0, 1.6, 2.2, 2.8])[:, None, None] * around).reshape(-1, 2)
+    corner = np.array([[4 * m + k for k in range(3)] for m in range(3)]).ravel()
+    quads = np.stack([corner, corner + 4, corner + 5, corner + 1], axis=1).astype(np.int32)
+    for cut in (False, True):
+        cells = (np.empty((0, 4), np.int32), np.concatenate([quads[:, :3], quads[:, [0, 2, 3]]])) if cut else (
+            quads, np.empty((0, 3), np.int32))
+        bodies = (np.zeros(len(of), np.int32) for of in cells)
+        interface = Interface("plane", nodes, *cells, *bodies, ("b",), ("m",), {})
+        watch = PeakStress(interface, {"bodies": {"b": {}}}, {})
+        stress = np.zeros((len(cells[0]) + len(cells[1]), 4))
+        stress[:, 0] = 1e6
+        found = watch.watched(PeakLog(), {"sigma": stress}, 1.0).worst["b von Mises stress"]
+        if cut:
+            # Triangles tell more than is half a cell away, and less.
+            assert found.off == pytest.approx(0.0, abs=1.0)
+            continue
+        s = 1.0 + 0.3
+        assert found.at_nodes == pytest.approx(3e6 / (1.0 + 0.5 / s**2 + 1.5 / s**4), rel=0.05)
+        assert found.curved
