@@ -1,10 +1,20 @@
 """How much strain energy a mesh misses: stress of the cells against a smoother one, recovered at nodes.
 
-Zienkiewicz and Zhu, Int. J. Numer. Meth. Engng 24 (1987) 337: stress averaged at nodes is nearer to the exact one than
-that of the cells, so what lies between the two, in the energy norm, estimates the error of the mesh.  Each cell's
-stress at its points is carried on to its nodes, averaged there by volume among the cells of one body and one material
-(where these change stress may jump), and interpolated: a field that is linear all over is recovered as it is.  Of a
-body of one cell nothing can be said.
+Zienkiewicz and Zhu, Int. J. Numer. Meth. Engng 24 (1987) 337 and 33 (1992) 1331: stress recovered at nodes is nearer
+to the exact one than that of the cells, so what lies between the two, in the energy norm, estimates the error of the
+mesh.  At a node a field of first order is fitted to the means of the cells around, of one body and one material (where
+these change stress may jump; contact/half/nodal_stress.py), and interpolated: what is linear all over is recovered as
+it is.  In a body of a single row of cells each cell's stress at its points is carried on to its nodes and averaged
+there by volume.  Of a body of one cell nothing can be said.
+
+Cells of one dilatation take the mean of theirs, so what it differs from that costs them no energy; they are softer
+by that, and may be softer than the body.  Let u be exact and u_h that of the cells, p and p_h the pressures, a the
+energy of the deviator, P the mean in a cell.  The forces f of a load do work f u, with
+
+    f u - f u_h = a(u - u_h, u - u_h) + |p - p_h|^2/kappa - 2 (p - P p, div u_h - P div u_h),
+
+because a(u_h, v) + (p_h, div v) = f v and p_h = kappa P div u_h.  With the recovered p the last term is known, and
+what a cell misses is the size of all three: in bending by plane strain most of it cancels.
 
 Stress that no cell has cannot be recovered.  Heat that changes within cells of one thermal strain makes such a stress:
 they take its mean, and one cell through a thickness does not bend by heat at all.  Its energy is added.
@@ -18,11 +28,13 @@ held against the energy of that change (uneven_energy).
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from contact.compiled import kernel
+from contact.half.nodal_stress import NodalStress
 from mechanical_fmu.cells import Cells
 from mechanical_fmu.laws.catalogue import flow_stress
 from mechanical_fmu.laws.law import CREEP, LIQUID, PLASTIC, Points
@@ -52,10 +64,11 @@ def energies(stress: Floats, moduli: Moduli, weight: Floats, held: bool = False)
     return np.asarray((density * weight).sum(axis=1))
 
 
-def recovered(kinds: Sequence[Cells], stress: Sequence[Floats], n_nodes: int) -> list[Floats]:
+def recovered(kinds: Sequence[Cells], stress: Sequence[Floats], n_nodes: int, fit: NodalStress | None = None
+              ) -> list[Floats]:
     """Return the recovered stress at the points of every kind, (n_e, nq, 4) [Pa].
 
-    stress : likewise, of the cells.
+    stress : likewise, of the cells.  fit : to their means, where it is known; None: it is averaged everywhere.
     """
     parts = max((int(cells.part.max()) for cells in kinds), default=0) + 1
     total, volume = np.zeros((parts * n_nodes, 4)), np.zeros(parts * n_nodes)
@@ -67,20 +80,88 @@ def recovered(kinds: Sequence[Cells], stress: Sequence[Floats], n_nodes: int) ->
         np.add.at(volume, at, share)
     # fault: stress is not averaged at nodes -> mean = total | mechanical_fmu/test_recovery
     mean = np.divide(total, volume[:, None], out=np.zeros_like(total), where=volume[:, None] > 0.0)
+    if fit is not None:
+        means = np.zeros((fit.fit.shape[1], 4))
+        for cells, of in zip(kinds, stress, strict=True):
+            means[cells.number] = (of * cells.weight[..., None]).sum(axis=1) / cells.volume[:, None]
+        # Rigid bodies have parts too, and no cells here.
+        known = fit.known & (fit.part < parts)
+        # fault: nothing is fitted -> known[:] = False | mechanical_fmu/test_recovery
+        mean[(fit.part * n_nodes + fit.node)[known]] = (fit.fit @ means)[known]
     return [np.einsum("qa,eai->eqi", cells.N, mean[at]) for cells, at in zip(kinds, rows, strict=True)]
 
 
-def missed_energy(kinds: Sequence[Cells], stress: Sequence[Floats], moduli: Sequence[Moduli], n_nodes: int,
-                  n_bodies: int, plane: bool = False) -> tuple[Floats, Floats]:
+def log_volume(strain: Floats) -> Floats:
+    """Return ln J : (...,) of strain : (..., 4) of Green and Lagrange, 11, 22, 12, 33."""
+    a, b, shear, c = np.moveaxis(2.0 * strain, -1, 0)
+    return np.asarray(0.5 * np.log(((1.0 + a) * (1.0 + b) - shear**2) * (1.0 + c)))
+
+
+def held_pressure(cells: Cells, free: Floats, m: Moduli) -> Floats | None:
+    """Return (n_e, nq) [Pa] what heat presses across elastic cells whose thickness is held; None of others.
+
+    free : (n_e, nq) [1] free strain.
+    """
+    if cells.treatment.kind or cells.treatment.plane_stress:
+        return None
+    of = free if cells.treatment.enhanced else np.broadcast_to(
+        ((free * cells.weight).sum(axis=1) / cells.volume)[:, None], free.shape)
+    return np.asarray(m.E[:, None] * of)
+
+
+def relieved_energy(cells: Cells, smooth: Floats, dilatation: Floats) -> Floats:
+    """Return (n_e,) [J] the last term of the sum above, halved, of cells that have one dilatation; else 0.
+
+    smooth : (n_e, nq, 4) [Pa] recovered.  dilatation : (n_e, nq) [1] at the points.
+    """
+    # fault: cells of one dilatation are told to be stiff -> if True: | mechanical_fmu/test_recovery
+    if cells.treatment.plane_stress or cells.treatment.enhanced:
+        return np.zeros(len(cells.nodes))
+    p, share = smooth[..., [0, 1, 3]].mean(axis=-1), cells.weight / cells.volume[:, None]
+    apart = [of - (of * share).sum(axis=1, keepdims=True) for of in (p, dilatation)]
+    return np.asarray((apart[0] * apart[1] * cells.weight).sum(axis=1))
+
+
+@dataclass(frozen=True)
+class Stressed:
+    """What is looked at of a mesh, of each kind of cells.
+
+    stress : (n_e, nq, 4) [Pa].  dilatation : (n_e, nq) [1]; None: that of cells is one.  fit : as of `recovered`.
+    heat : (n_e, nq) [Pa] E times the free strain of elastic cells whose thickness is held, which makes as much pressure
+    across them; None where what is across counts for nothing.
+    """
+
+    stress: Sequence[Floats]
+    dilatation: Sequence[Floats] | None = None
+    fit: NodalStress | None = None
+    heat: Sequence[Floats | None] | None = None
+
+    def without_heat(self) -> list[Floats]:
+        """Return the stress, (n_e, nq, 4) [Pa], without that of heat across the plane."""
+        # fault: heat that is held across the plane is missed -> heat = [None] * len(self.stress) |
+        #   mechanical_fmu/test_recovery
+        heat = self.heat or [None] * len(self.stress)
+        return [of if across is None else np.concatenate([of[..., :3], of[..., 3:] + across[..., None]], axis=-1)
+                for of, across in zip(self.stress, heat, strict=True)]
+
+
+def missed_energy(kinds: Sequence[Cells], of: Stressed, moduli: Sequence[Moduli], n_nodes: int, n_bodies: int,
+                  plane: bool = False, signed: bool = False) -> tuple[Floats, Floats]:
     """Return what the mesh misses of each body's strain energy, and that energy, (n_bodies,) [J] each.
 
-    plane : the scene is plane, so that cells without plane stress have a thickness that is held.
+    plane : the scene is plane, so that cells without plane stress have a thickness that is held.  signed : where cells
+    are too soft it counts below 0.
     """
     missed, energy = np.zeros(n_bodies), np.zeros(n_bodies)
-    for cells, of, smooth, m in zip(kinds, stress, recovered(kinds, stress, n_nodes), moduli, strict=True):
-        held = plane and not cells.treatment.plane_stress
-        missed += np.bincount(cells.body, 0.5 * energies(smooth - of, m, cells.weight, held), n_bodies)
-        energy += np.bincount(cells.body, 0.5 * energies(of, m, cells.weight, held), n_bodies)
+    stress = of.without_heat()
+    smooth = recovered(kinds, stress, n_nodes, of.fit)
+    for k, (cells, m) in enumerate(zip(kinds, moduli, strict=True)):
+        held = plane and not cells.treatment.plane_stress and (of.heat is None or of.heat[k] is None)
+        off = 0.5 * energies(smooth[k] - stress[k], m, cells.weight, held)
+        if of.dilatation is not None:
+            off = off - relieved_energy(cells, smooth[k], of.dilatation[k])
+        missed += np.bincount(cells.body, off if signed else np.abs(off), n_bodies)
+        energy += np.bincount(cells.body, 0.5 * energies(stress[k], m, cells.weight, held), n_bodies)
     return missed, energy
 
 

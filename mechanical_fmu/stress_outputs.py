@@ -12,7 +12,16 @@ from numpy.typing import NDArray
 from contact.half.model import Outputs, Value, Variable
 from mechanical_fmu.advance import StepDrive, StepResult
 from mechanical_fmu.material import Moduli
-from mechanical_fmu.recovery import dropped_energy, heat_energy, missed_energy, rounding_energy, uneven_energy
+from mechanical_fmu.recovery import (
+    Stressed,
+    dropped_energy,
+    heat_energy,
+    held_pressure,
+    log_volume,
+    missed_energy,
+    rounding_energy,
+    uneven_energy,
+)
 from mechanical_fmu.system import Loading, System
 from mechanical_fmu.volume import PointStep, von_mises
 
@@ -118,17 +127,20 @@ class _Sizes:
         return self._both[1]
 
 
-def _of_mesh(system: System, stress: list[Floats], moduli: tuple[Moduli, ...], end: StepDrive,
+def _of_mesh(system: System, now: tuple[tuple[Floats, Floats], ...], moduli: tuple[Moduli, ...], end: StepDrive,
              ends: tuple[Floats, Floats]) -> dict[str, Value]:
     """What mesh_variables lists [J].
 
-    stress : (n_e, nq, 4) [Pa] of each kind.  end : what drives the bodies there.  ends : (n_nodes, 2) [m] u at both
-    ends of the step.
+    now : stress [Pa] and strain, (n_e, nq, 4) of each kind.  end : what drives the bodies there.  ends : (n_nodes, 2)
+    [m] u at both ends of the step.
     """
-    volume = system.volume
-    n_nodes = max((int(cells.nodes.max()) for cells in volume.kinds), default=-1) + 1
+    volume, n_nodes = system.volume, len(system.interface.nodes)
     n_bodies, free = len(system.interface.bodies), system.expansion(end.T, end.f_s)
-    missed, energy = missed_energy(volume.kinds, stress, moduli, n_nodes, n_bodies, not system.interface.axisymmetric)
+    plane = not system.interface.axisymmetric
+    heat = [held_pressure(cells, of, m) if plane else None
+            for cells, of, m in zip(volume.kinds, free, moduli, strict=True)]
+    of = Stressed([stress for stress, _ in now], [log_volume(strain) for _, strain in now], system.nodal_stress, heat)
+    missed, energy = missed_energy(volume.kinds, of, moduli, n_nodes, n_bodies, plane)
     # fault: heat that cells drop is not told -> dropped = np.zeros_like(missed) |
     #   mechanical_fmu/test_thermal_bending
     dropped = dropped_energy(volume.kinds, free, moduli, n_bodies)
@@ -191,5 +203,4 @@ def _stresses(system: System, found: StepResult, moved: Moved) -> Outputs:
         #   mechanical_fmu/test_fields
         out["sigma_hoop"] = sigma[:, 3].copy()
     return Outputs(out, tuple(v.name for v in mesh_variables(system)),
-                   partial(_of_mesh, system, [stress for stress, _ in now], moduli, moved.end,
-                           (moved.u, found.balance.u)))
+                   partial(_of_mesh, system, now, moduli, moved.end, (moved.u, found.balance.u)))

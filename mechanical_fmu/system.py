@@ -12,6 +12,7 @@ from scipy.sparse import csr_matrix, diags_array
 
 from contact.half.interface import Interface
 from contact.half.linalg import JoinedPattern, Pattern, Solve, factorise, joined, pattern_of
+from contact.half.nodal_stress import LINEAR, NodalStress, nodal_stress
 from contact.half.start import start_temperature
 from contact.messages import Tractions
 from contact.problem.mechanical import Element, State
@@ -134,6 +135,11 @@ class System:
     def rigid(self) -> RigidBodies | None:
         """Return the rigid bodies of the scene, None without any."""
         return self.constraints.rigid
+
+    @cached_property
+    def nodal_stress(self) -> NodalStress:
+        """How stress at nodes follows from that of cells."""
+        return nodal_stress(self.interface, LINEAR)
 
     @cached_property
     def pattern(self) -> Pattern:

@@ -10,8 +10,8 @@ and Newton's method finds their equilibria all the same.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import replace
-from functools import partial
+from dataclasses import dataclass, replace
+from functools import cached_property, partial
 
 import numpy as np
 from scipy.sparse import csr_matrix, diags_array
@@ -20,11 +20,13 @@ from contact.half.linalg import negative_pivots
 from contact.half.model import Value, Variable
 from mechanical_fmu.advance import StepResult
 from mechanical_fmu.newton import with_tangent
+from mechanical_fmu.softest import stiffness_off
 from mechanical_fmu.stress_outputs import Moved
 from mechanical_fmu.system import ForceBalance, Loading, System
 from mechanical_fmu.tangent import constrained, stiffness
 
 NAME = "unstable_directions"
+SOFT = "mesh.stiffness_off"
 # A motion that nothing resists is not unstable: each unknown is held by this share of its own stiffness besides.
 HELD = 1e-9
 # Where no stress is above this share of the least shear modulus mu, that share holds them against all of it.  Of a
@@ -39,7 +41,10 @@ def unstable_variables(system: System) -> tuple[Variable, ...]:
     if system.spec.stated.inert or system.program is not None:
         return ()
     return (Variable(NAME, description="directions in which the equilibrium is unstable, negative eigenvalues of the "
-                                       "stiffness; -1: not known"),)
+                                       "stiffness; -1: not known"),
+            *((Variable(SOFT, description="share of the stiffness that loads leave against the softest motion which "
+                                          "the mesh makes of nothing, less that share without loads; -1: not known"),)
+              if system.volume.tells_stress and not system.volume.makes_heat else ()))
 
 
 def unstable_outputs(system: System, found: StepResult, moved: Moved) -> Mapping[str, Callable[[], Value]]:
@@ -48,7 +53,10 @@ def unstable_outputs(system: System, found: StepResult, moved: Moved) -> Mapping
         return {}
     loading = moved.loading if system.volume.elastic else replace(moved.loading, step=found.last)
     # What is kept until then is to be small.
-    return {NAME: partial(unstable_directions, system, replace(found.balance, entries=None), loading)}
+    now = _Stability(system, replace(found.balance, entries=None), loading)
+    told = [v.name for v in unstable_variables(system)]
+    return {name: partial(getattr, now, what) for name, what in ((NAME, "directions"), (SOFT, "softened"))
+            if name in told}
 
 
 def unstable_directions(system: System, balance: ForceBalance, loading: Loading) -> float:
@@ -57,20 +65,59 @@ def unstable_directions(system: System, balance: ForceBalance, loading: Loading)
     UNKNOWN where surfaces slip with friction (its force follows from the pressure and from no energy, so the symmetric
     part does not tell), and where the stiffness cannot be had.
     """
-    # fault: slip is judged by the symmetric part of its stiffness -> if False: | mechanical_fmu/test_friction
-    if balance.tractions is not None and balance.tractions.n_slipping:
-        return UNKNOWN
-    if _unstressed(system, balance, loading):
-        return 0.0
-    try:
-        K = constrained(system, stiffness(system, with_tangent(system, balance, loading), loading))
+    return _Stability(system, balance, loading).directions
+
+
+@dataclass(frozen=True)
+class _Stability:
+    """What is told of an equilibrium, of one count."""
+
+    system: System
+    balance: ForceBalance
+    loading: Loading
+
+    @cached_property
+    def _K(self) -> csr_matrix | None:
+        """The stiffness that decides; None where it is not to be had, or there is no need for it."""
+        system, balance, loading = self.system, self.balance, self.loading
+        # fault: slip is judged by the symmetric part of its stiffness -> if False: | mechanical_fmu/test_friction
+        if balance.tractions is not None and balance.tractions.n_slipping:
+            return None
+        try:
+            K = constrained(system, stiffness(system, with_tangent(system, balance, loading), loading))
+        except ArithmeticError:
+            return None
         even = csr_matrix(0.5 * (K + K.T))
         # fault: what nothing resists counts as unstable -> held = -HELD * abs(even.diagonal()) |
         #   mechanical_fmu/test_unstable
         held = HELD * abs(even.diagonal())
-        return float(negative_pivots(csr_matrix(even + diags_array(held, format="csr"))))
-    except ArithmeticError:
-        return UNKNOWN
+        return csr_matrix(even + diags_array(held, format="csr"))
+
+    @cached_property
+    def _unstressed(self) -> bool:
+        return _unstressed(self.system, self.balance, self.loading)
+
+    @cached_property
+    def directions(self) -> float:
+        """As unstable_directions."""
+        slips = self.balance.tractions is not None and self.balance.tractions.n_slipping
+        if not slips and self._unstressed:
+            return 0.0
+        try:
+            return UNKNOWN if self._K is None else float(negative_pivots(self._K))
+        except ArithmeticError:
+            return UNKNOWN
+
+    @cached_property
+    def softened(self) -> float:
+        """As softest.stiffness_off; 0 where the bodies leave their equilibrium anyway."""
+        if self.directions or self._unstressed:
+            return min(self.directions, 0.0)
+        try:
+            assert self._K is not None
+            return stiffness_off(self.system, self._K, self.balance.u, self.loading)
+        except ArithmeticError:
+            return UNKNOWN
 
 
 def _unstressed(system: System, balance: ForceBalance, loading: Loading) -> bool:

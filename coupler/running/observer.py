@@ -26,6 +26,7 @@ from coupler.schemes.levels import Level
 from coupler.schemes.state import CoupledState, Halves
 from coupler.trust.checks import Check
 from coupler.trust.equilibrium import OUTPUT as STABLE
+from coupler.trust.equilibrium import SOFT
 from coupler.trust.extremes import extreme_outputs
 from coupler.trust.heat_mesh import heat_mesh_outputs
 from coupler.trust.mesh import mesh_outputs
@@ -200,7 +201,11 @@ class Observer:
         if STABLE not in self._both["mechanical"].blocks or not self._watch.wants_equilibrium(
                 self.trust, t, self._scenario.coupling.end, at_end=at_end):
             return
-        self.trust = self._watch.with_equilibrium(self.trust, float(look.read("mechanical", [STABLE])[STABLE]), t)
+        told = look.read("mechanical", [n for n in (STABLE, SOFT) if n in self._both["mechanical"].blocks])
+        self.trust = self._watch.with_equilibrium(self.trust, float(told[STABLE]), t)
+        # fault: nobody asks how soft the bodies are -> if False: | coupler/test_trust_equilibrium
+        if SOFT in told and float(told[STABLE]) >= 0.0:
+            self.trust = self._watch.with_softness(self.trust, float(told[SOFT]), t)
 
     def _write(self, tried: Tried, now: Level, ledger: Ledger, record: WindowRecord, look: Look) -> None:
         facts: dict[str, float | str] = {"t": tried.t, "H": tried.H, "seconds": tried.seconds}

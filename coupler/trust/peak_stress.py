@@ -25,11 +25,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from contact.half.interface import Interface
+from contact.half.nodal_stress import LINEAR, NodalStress, nodal_stress, von_mises
 from coupler.fmu.half import Block
 from coupler.fmu.outputs import On, component_of, place_of
 from coupler.scenario.probes import Probe
 from coupler.trust.checks import Check, TrustVerdict, amount, measured
-from coupler.trust.nodal_stress import LINEAR, NodalStress, nodal_stress, von_mises
 from coupler.trust.stress_corners import curves, places_without_bound
 
 Floats = NDArray[np.float64]

@@ -217,6 +217,10 @@ class TrustWatch:
         """Return the log after the mechanical half told at t [s] in how many directions its equilibrium is unstable."""
         return replace(log, equilibrium=equilibrium.watched(log.equilibrium, directions, t))
 
+    def with_softness(self, log: TrustLog, share: float, t: float) -> TrustLog:
+        """Return the log after the mechanical half told at t [s] of the softest motion of its bodies [1]."""
+        return replace(log, equilibrium=equilibrium.softened(log.equilibrium, share, t))
+
     def looked_at_mesh(self, log: TrustLog, told: Mapping[str, float], of_heat: Mapping[str, float],
                        t: float) -> TrustLog:
         """Return the log after a look at what meshes miss at t [s].

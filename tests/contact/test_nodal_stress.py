@@ -12,7 +12,7 @@ from scipy.sparse import csr_matrix
 sys.path.insert(0, str(Path(__file__).parent))
 from mesh_scenes import rectangles, turned
 
-from coupler.trust.nodal_stress import LINEAR, _fitted, nodal_stress, von_mises
+from contact.half.nodal_stress import LINEAR, _fitted, nodal_stress, von_mises
 
 CELLS = {"low": (6, 4), "up": (5, 3)}
 AT = {2: lambda x, y: 3.0 + x - 2.0 * y + 0.5 * x * x - x * y + 2.0 * y * y, 1: lambda x, y: 3.0 + x - 2.0 * y}

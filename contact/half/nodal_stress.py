@@ -102,7 +102,7 @@ def _places(interface: Interface) -> tuple[csr_matrix, Floats]:
     X = np.concatenate([nodes[quads].mean(axis=1), 0.5 * (nodes[edge // n] + nodes[edge % n]),
                         nodes[triangles[alone]].mean(axis=1)])
     # fault: at an edge one triangle tells for both -> pairs = np.stack([one, one], axis=1).ravel() + first |
-    #   coupler/test_nodal_stress
+    #   contact/test_nodal_stress
     pairs = np.stack([one, other], axis=1).ravel() + first
     rows = np.concatenate([np.arange(first), first + np.repeat(np.arange(one.size), 2),
                            first + one.size + np.arange(alone.size)])
@@ -152,11 +152,11 @@ def _fitted(inside: csr_matrix, X: Floats, at: Floats, order: int, least: int, p
     spread = np.linalg.eigvalsh(M[:, :3, :3] if partly else M)
     if partly:
         M[:, range(3, 6), range(3, 6)] += MISSING * np.trace(M, axis1=1, axis2=2)[:, None]
-    # fault: a polynomial is told from a row of cells -> good = count >= least | coupler/test_nodal_stress
+    # fault: a polynomial is told from a row of cells -> good = count >= least | contact/test_nodal_stress
     good = (count >= least) & (spread[:, 0] > SINGULAR * spread[:, -1])
     value = np.zeros((n, TERMS[order]))
     value[good] = np.linalg.solve(M[good], np.eye(TERMS[order])[:, :1][None])[..., 0]
     counts = weight * (terms * value[row]).sum(axis=1)
-    # fault: a fit that makes much of what places are off by is taken -> pass | coupler/test_nodal_stress
+    # fault: a fit that makes much of what places are off by is taken -> pass | contact/test_nodal_stress
     good &= np.bincount(row, np.abs(counts), n) < MOST
     return csr_matrix(coo_matrix((counts, (row, place)), shape=inside.shape)), good

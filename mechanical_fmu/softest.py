@@ -1,0 +1,96 @@
+"""How much of the stiffness that loads leave to the bodies is made by cells that are too large.
+
+A column under nine tenths of Euler's load has a tenth of its stiffness left against bending, and bends ten times as
+far as it would without the load.  Cells that bend by a twentieth too stiffly leave it a half more than that; cells that
+bend by a tenth too stiffly hide that it buckles.  Its stress tells nothing of that while it is straight.  So motions
+are looked for against which the bodies are softest: those of least dx K dx, K with all forces, as unstable.py has it.
+Of such a motion the cells' strain has a stress by linear elasticity, with the energy W, and a smoother stress is
+recovered at nodes from it, which says how much W the mesh misses, that is, makes too much: m (recovery.py).  The
+stiffness that is left, w = dx K dx/2, is too large by the same m.  What loads make of the error is
+
+    m/w - m/W,
+
+0 without stress, and what a mesh misses without loads is told by its stress.  It is about 1 where the bodies would
+leave their equilibrium by themselves on a mesh that bends as they do, and below 0 where cells are too soft.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import eigh
+from scipy.sparse import csr_matrix
+
+from contact.half.linalg import factorise
+from mechanical_fmu.cells import Cells
+from mechanical_fmu.material import Moduli
+from mechanical_fmu.recovery import Stressed, missed_energy
+from mechanical_fmu.system import Loading, System
+
+Floats = NDArray[np.float64]
+
+MOTIONS = 4  # so many are looked at: a scene may have several bodies that are soft
+TURNS = 8  # of inverse iteration, from motions at random, the same each time
+STRAIN = 1e-6  # largest that a motion is given
+LEAST = -0.9  # is told of cells that are softer still: -1 is what is not known
+
+
+def stiffness_off(system: System, K: csr_matrix, u: Floats, loading: Loading) -> float:
+    """Return the largest m/w - m/W of the softest motions [1], but no less than LEAST, at u : (n_nodes, 2) [m].
+
+    K : (2 n_nodes, 2 n_nodes) [N/m], symmetric, positive, what is prescribed held.  loading : its moduli and history.
+    Raises ArithmeticError.
+    """
+    volume, plane = system.volume, not system.interface.axisymmetric
+    worst, n_bodies = 0.0, len(system.interface.bodies)
+    for motion in _softest(K, system.constraints.free).T:
+        dx = motion.reshape(-1, 2)
+        stress, dilatation = motion_stress(system, u, dx, loading)
+        of = Stressed(stress, dilatation, system.nodal_stress, [np.zeros(c.weight.shape) for c in volume.kinds])
+        missed, energy = missed_energy(volume.kinds, of, loading.moduli, len(u), n_bodies, plane, signed=True)
+        m, W, w = float(missed.sum()), float(energy.sum()), 0.5 * float(motion @ (K @ motion))
+        # fault: loads that stiffen are taken to soften -> if W > 0.0: | mechanical_fmu/test_softest
+        if W > w > 0.0:
+            worst = max(worst, m / w - m / W, key=abs)
+    return max(worst, LEAST)
+
+
+def _softest(K: csr_matrix, free: Floats) -> Floats:
+    """(n, MOTIONS) of least x K x/(x D x), D its diagonal, each with x D x = 1; fewer in a scene of fewer unknowns."""
+    solve, D = factorise(K, True), np.abs(K.diagonal())
+    some = min(MOTIONS, int(free.sum()))
+    x = np.random.default_rng(0).standard_normal((len(D), some)) * free[:, None]
+    for _ in range(TURNS):
+        y = np.stack([solve(column) for column in (D[:, None] * x).T], axis=1) * free[:, None]
+        _, turned = eigh(y.T @ (K @ y), y.T @ (D[:, None] * y))
+        x = y @ turned
+    return np.asarray(x)
+
+
+def motion_stress(system: System, u: Floats, dx: Floats, loading: Loading) -> tuple[list[Floats], list[Floats]]:
+    """Return the stress [Pa], (n_e, nq, 4), and dilatation of a small motion dx : (n_nodes, 2) [m], of each kind.
+
+    By linear elasticity, of the change of the strain of Green and Lagrange: a motion that only turns bodies has none.
+    """
+    kinds, moduli = system.volume.kinds, loading.moduli
+    largest = max([float(np.abs(np.einsum("eqaj,eai->eqij", c.B, dx[c.nodes])).max()) for c in kinds if c.nodes.size],
+                  default=0.0)
+    if largest == 0.0:
+        return [np.zeros((*c.weight.shape, 4)) for c in kinds], [np.zeros(c.weight.shape) for c in kinds]
+    step = STRAIN / largest
+    ahead, behind = (system.volume.stress(u + side * step * dx, moduli, loading.step) for side in (1.0, -1.0))
+    strain = [(a - b) / (2.0 * step) for (_, a), (_, b) in zip(ahead, behind, strict=True)]
+    return ([_linear(c, of, m) for c, of, m in zip(kinds, strain, moduli, strict=True)],
+            [of[..., [0, 1, 3]].sum(axis=-1) for of in strain])
+
+
+def _linear(cells: Cells, strain: Floats, m: Moduli) -> Floats:
+    """(n_e, nq, 4) [Pa] of strain : (n_e, nq, 4), by Hooke's law; of cells of one dilatation with its mean."""
+    dilatation = strain[..., [0, 1, 3]].sum(axis=-1)
+    p = dilatation
+    # fault: cells of one dilatation have one a point -> if False: | mechanical_fmu/test_softest
+    if not (cells.treatment.plane_stress or cells.treatment.enhanced):
+        p = np.broadcast_to(((dilatation * cells.weight).sum(axis=1) / cells.volume)[:, None], dilatation.shape)
+    stress = 2.0 * m.mu[:, None, None] * strain
+    stress[..., [0, 1, 3]] += (m.kappa[:, None] * p - 2.0 / 3.0 * m.mu[:, None] * dilatation)[..., None]
+    return np.asarray(stress)

@@ -1,0 +1,69 @@
+"""What a mesh makes of the stiffness that loads leave to a column: against the load at which it buckles on the mesh."""
+
+from __future__ import annotations
+
+import sys
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+sys.path.insert(0, str(Path(__file__).parent))
+from mechanical_scenes import NoLink, block, elastic, hold, inputs_of
+
+from mechanical_fmu.unstable import NAME, SOFT
+
+H, L, E = 0.05, 1.0, 1e9
+EULER = np.pi**2 * E * H**3 / 12.0 / (4.0 * L**2)  # held at one end, plane strain with nu 0
+
+
+def column(load, cells, triangles=False, angle=0.0, element="mean_dilatation"):
+    """Outputs of a column of cells along x and y under so many times Euler's load, turned by an angle."""
+    interface = block(np.linspace(0.0, H, cells[0] + 1), np.linspace(0.0, L, cells[1] + 1))
+    if triangles:
+        q = interface.quads
+        cut = np.concatenate([q[:, [0, 1, 2]], q[:, [0, 2, 3]]]).astype(np.int32)
+        interface = replace(interface, quads=np.empty((0, 4), np.int32), quad_body=np.empty(0, np.int32), triangles=cut,
+                            triangle_body=np.zeros(len(cut), np.int32))
+    c, s = np.cos(angle), np.sin(angle)
+    interface = replace(interface, nodes=interface.nodes @ np.array([[c, s], [-s, c]]))
+    force = load * EULER / H
+    half = elastic(interface, [hold("block.bottom", 0), hold("block.bottom", 1),
+                               {"on": "block.top", "t_x": s * force, "t_y": -c * force}],
+                   {"E": E, "nu": 0.0, "rho": 1000.0}, element=element)
+    return half.start(inputs_of(half), 0.0, NoLink())[1]
+
+
+# The load at which the count finds the column to leave its straight line, over Euler's, by halving: to 0.3 %.
+@pytest.mark.parametrize(("cells", "triangles", "element", "buckles", "load"), [
+    ((2, 20), False, "mean_dilatation", 1.418, 0.9), ((2, 80), False, "mean_dilatation", 0.951, 0.7),
+    ((2, 40), True, "mean_dilatation", 1.879, 0.7), ((4, 80), True, "mean_dilatation", 1.227, 0.9),
+    ((2, 20), False, "enhanced", 1.001, 0.9)])
+def test_it_is_what_the_load_at_which_it_buckles_is_off_by(cells, triangles, element, buckles, load):
+    """Of w = W (1 - load/buckles) the mesh makes m = W (1 - 1/buckles): told to a tenth, and to 1 % of W."""
+    m = 1.0 - 1.0 / buckles
+    told = column(load, cells, triangles, element=element)[SOFT]
+    assert told == pytest.approx(m / (1.0 - load / buckles) - m, rel=0.1, abs=0.01)
+
+
+def test_a_mesh_that_hides_that_it_buckles_is_told():
+    """Triangles that bend 23 % too stiffly, at Euler's load: stable, and four fifths of what is left are the mesh's."""
+    told = column(1.0, (4, 80), True)
+    assert told[NAME] == 0.0
+    assert told[SOFT] == pytest.approx(0.81, rel=0.1)
+
+
+def test_it_does_not_hang_on_where_a_column_stands():
+    straight, turned = (column(0.7, (2, 20), angle=angle)[SOFT] for angle in (0.0, 0.7))
+    assert turned == pytest.approx(straight, rel=1e-3)
+
+
+def test_loads_that_stiffen_and_none_at_all_make_nothing_of_it():
+    assert column(0.0, (2, 20), True)[SOFT] == 0.0
+    assert abs(column(-1.0, (2, 20), True)[SOFT]) < 1e-4
+
+
+def test_a_column_that_buckles_is_told_by_the_count():
+    told = column(1.6, (2, 20))
+    assert (told[NAME], told[SOFT]) == (1.0, 0.0)
