@@ -35,7 +35,7 @@ from numpy.typing import NDArray
 
 from contact.compiled import kernel
 from contact.half.nodal_stress import NodalStress
-from mechanical_fmu.cells import Cells
+from mechanical_fmu.cells import ELASTIC, Cells
 from mechanical_fmu.laws.catalogue import flow_stress
 from mechanical_fmu.laws.law import CREEP, LIQUID, PLASTIC, Points
 from mechanical_fmu.material import Moduli
@@ -110,12 +110,14 @@ def held_pressure(cells: Cells, free: Floats, m: Moduli) -> Floats | None:
 
 
 def relieved_energy(cells: Cells, smooth: Floats, dilatation: Floats) -> Floats:
-    """Return (n_e,) [J] the last term of the sum above, halved, of cells that have one dilatation; else 0.
+    """Return (n_e,) [J] the last term of the sum above, halved, of elastic cells that have one dilatation; else 0.
+
+    What flows does so at nearly constant volume in the mean of a cell, and not at its points: that relieves nothing.
 
     smooth : (n_e, nq, 4) [Pa] recovered.  dilatation : (n_e, nq) [1] at the points.
     """
     # fault: cells of one dilatation are told to be stiff -> if True: | mechanical_fmu/test_recovery
-    if cells.treatment.plane_stress or cells.treatment.enhanced:
+    if cells.treatment != ELASTIC:
         return np.zeros(len(cells.nodes))
     p, share = smooth[..., [0, 1, 3]].mean(axis=-1), cells.weight / cells.volume[:, None]
     apart = [of - (of * share).sum(axis=1, keepdims=True) for of in (p, dilatation)]

@@ -6,12 +6,13 @@ bend by a tenth too stiffly hide that it buckles.  Its stress tells nothing of t
 are looked for against which the bodies are softest: those of least dx K dx, K with all forces, as unstable.py has it.
 Of such a motion the cells' strain has a stress by linear elasticity, with the energy W, and a smoother stress is
 recovered at nodes from it, which says how much W the mesh misses, that is, makes too much: m (recovery.py).  The
-stiffness that is left, w = dx K dx/2, is too large by the same m.  What loads make of the error is
+stiffness that is left, w = dx K dx/2, is too large by the same m.  Of what a body resists with, loads leave w/W on the
+mesh, and (w - m)/(W - m) of the body; what the mesh makes of it is
 
-    m/w - m/W,
+    1 - (w - m)/(W - m) W/w = (m/w - m/W)/(1 - m/W),
 
-0 without stress, and what a mesh misses without loads is told by its stress.  It is about 1 where the bodies would
-leave their equilibrium by themselves on a mesh that bends as they do, and below 0 where cells are too soft.
+0 without stress (what a mesh misses then is told by its stress), 1 where the bodies would leave their equilibrium by
+themselves on a mesh that bends as they do, and below 0 where cells are too soft.
 """
 
 from __future__ import annotations
@@ -36,7 +37,7 @@ LEAST = -0.9  # is told of cells that are softer still: -1 is what is not known
 
 
 def stiffness_off(system: System, K: csr_matrix, u: Floats, loading: Loading) -> float:
-    """Return the largest m/w - m/W of the softest motions [1], but no less than LEAST, at u : (n_nodes, 2) [m].
+    """Return the largest such share of the softest motions [1], but no less than LEAST, at u : (n_nodes, 2) [m].
 
     K : (2 n_nodes, 2 n_nodes) [N/m], symmetric, positive, what is prescribed held.  loading : its moduli and history.
     Raises ArithmeticError.
@@ -50,8 +51,8 @@ def stiffness_off(system: System, K: csr_matrix, u: Floats, loading: Loading) ->
         missed, energy = missed_energy(volume.kinds, of, loading.moduli, len(u), n_bodies, plane, signed=True)
         m, W, w = float(missed.sum()), float(energy.sum()), 0.5 * float(motion @ (K @ motion))
         # fault: loads that stiffen are taken to soften -> if W > 0.0: | mechanical_fmu/test_softest
-        if W > w > 0.0:
-            worst = max(worst, m / w - m / W, key=abs)
+        if W > w > 0.0 and m < W:
+            worst = max(worst, (m / w - m / W) / (1.0 - m / W), key=abs)
     return max(worst, LEAST)
 
 

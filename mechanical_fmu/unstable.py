@@ -42,8 +42,8 @@ def unstable_variables(system: System) -> tuple[Variable, ...]:
         return ()
     return (Variable(NAME, description="directions in which the equilibrium is unstable, negative eigenvalues of the "
                                        "stiffness; -1: not known"),
-            *((Variable(SOFT, description="share of the stiffness that loads leave against the softest motion which "
-                                          "the mesh makes of nothing, less that share without loads; -1: not known"),)
+            *((Variable(SOFT, description="share of the stiffness left against the softest motion, beside that "
+                                          "without loads, which the mesh makes of nothing; -1: not known"),)
               if system.volume.tells_stress and not system.volume.makes_heat else ()))
 
 
