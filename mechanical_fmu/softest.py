@@ -19,10 +19,9 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import eigh
 from scipy.sparse import csr_matrix
 
-from contact.half.linalg import factorise
+from contact.half.linalg import SingularMatrixError, factorise
 from mechanical_fmu.cells import Cells
 from mechanical_fmu.material import Moduli
 from mechanical_fmu.recovery import Stressed, missed_energy
@@ -58,13 +57,19 @@ def stiffness_off(system: System, K: csr_matrix, u: Floats, loading: Loading) ->
 
 def _softest(K: csr_matrix, free: Floats) -> Floats:
     """(n, MOTIONS) of least x K x/(x D x), D its diagonal, each with x D x = 1; fewer in a scene of fewer unknowns."""
-    solve, D = factorise(K, True), np.abs(K.diagonal())
     some = min(MOTIONS, int(free.sum()))
+    if not some:
+        return np.empty((len(free), 0))
+    solve, D = factorise(K, True), np.abs(K.diagonal())
+    root = np.sqrt(np.maximum(D, np.finfo(float).tiny))[:, None]
     x = np.random.default_rng(0).standard_normal((len(D), some)) * free[:, None]
     for _ in range(TURNS):
         y = np.stack([solve(column) for column in (D[:, None] * x).T], axis=1) * free[:, None]
-        _, turned = eigh(y.T @ (K @ y), y.T @ (D[:, None] * y))
-        x = y @ turned
+        if not np.isfinite(y).all():
+            raise SingularMatrixError("the stiffness matrix is singular")
+        # Motions that nothing resists are all that is left of each, and roots of D make them lengths.
+        y = np.linalg.qr(root * y)[0] / root
+        x = y @ np.linalg.eigh(y.T @ (K @ y))[1]
     return np.asarray(x)
 
 

@@ -100,7 +100,7 @@ def _fine(log: EquilibriumLog) -> tuple[Check, ...]:
                ("soft", "they bend less than told"))
     more = max(2, math.ceil(math.sqrt(abs(log.soft) / LIMITS[0])))
     return (measured(FINE, abs(log.soft), limits, t=log.soft_t,
-                     what=f"loads take back most of what the bodies resist their softest motion with, and their mesh "
+                     what=f"loads take back much of what the bodies resist their softest motion with, and their mesh "
                           f"is too {how}: by {100.0 * abs(log.soft):.3g} % of what is left at t = {log.soft_t:.6g} "
                           f"s, so {so}",
                      remedy=f"Use {more} times as many cells along each edge of the body that bends, or "

@@ -8,10 +8,15 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy.sparse import csr_matrix, diags_array
 
 sys.path.insert(0, str(Path(__file__).parent))
 from mechanical_scenes import NoLink, block, elastic, hold, inputs_of
 
+from mechanical_fmu.newton import with_tangent
+from mechanical_fmu.softest import stiffness_off
+from mechanical_fmu.system import Loading
+from mechanical_fmu.tangent import constrained, stiffness
 from mechanical_fmu.unstable import NAME, SOFT
 
 H, L, E = 0.05, 1.0, 1e9
@@ -66,3 +71,16 @@ def test_loads_that_stiffen_and_none_at_all_make_nothing_of_it():
 def test_a_column_that_buckles_is_told_by_the_count():
     told = column(1.6, (2, 20))
     assert (told[NAME], told[SOFT]) == (1.0, 0.0)
+
+
+def test_a_body_that_nothing_holds_and_one_that_is_held_all_over():
+    """Three motions without work are no motions that loads made soft; of none nothing is told."""
+    half = elastic(block(np.linspace(0.0, 1.0, 5), np.linspace(0.0, 1.0, 5)), [hold("block.bottom", 0)])
+    for system in (half.system.without((0,)), elastic(block(np.linspace(0.0, 1.0, 2), np.linspace(0.0, 1.0, 2)), [
+            hold("block.bottom", 0), hold("block.bottom", 1), hold("block.top", 0), hold("block.top", 1)]).system):
+        n = len(system.interface.nodes)
+        loading = Loading(system.moduli(np.full(n, 293.15)), np.zeros(system.constraints.fixed.size), np.zeros(0), None)
+        u = np.zeros((n, 2))
+        K = constrained(system, stiffness(system, with_tangent(system, system.balance(u, loading), loading), loading))
+        even = csr_matrix(K + diags_array(1e-9 * K.diagonal(), format="csr"))
+        assert abs(stiffness_off(system, even, u, loading)) < 1e-6
