@@ -155,7 +155,7 @@ class PeakStress:
     def _what(self, key: str, found: Found, share: float, asked: bool, body: str) -> str:
         where, to = self._place(found.node), " and to the curve" if found.curved else ""
         which = f"the probe {key} tells" if asked else f"the highest {_kind(key)} of {body} is told as"
-        more = "and that may be off by" if self._unbound(found.node) else "and is off by about"
+        more = "which is wrong by as much as" if self._unbound(found.node) else "which is wrong by about"
         return (f"{which} {amount(found.told, 'Pa')}, as cells have it, {more} {amount(found.off, 'Pa')}, "
                 f"{100.0 * share:.3g} % of the largest of the run, because they are too large: a field fitted to them"
                 f"{to} has {amount(found.at_nodes, 'Pa')}{where}, at t = {found.t:.6g} s")

@@ -73,6 +73,15 @@ def test_a_column_that_buckles_is_told_by_the_count():
     assert (told[NAME], told[SOFT]) == (1.0, 0.0)
 
 
+def test_what_goes_from_cell_to_cell_is_no_motion_of_a_body():
+    """A hot strip on a wall, two cells thick: the softest of its motions ripple its surface, each cell another way."""
+    half = elastic(block(np.linspace(0.0, 0.02, 3), np.linspace(0.0, 0.16, 9)), [hold("block.left", 0),
+                                                                              hold("block.left", 1)],
+                   {"E": 5e9, "nu": 0.45, "alpha": 5e-5, "T_ref": 300.0})
+    told = half.start(inputs_of(half, 1500.0), 0.0, NoLink())[1]
+    assert (told[NAME], told[SOFT]) == (0.0, 0.0)
+
+
 def test_a_body_that_nothing_holds_and_one_that_is_held_all_over():
     """Three motions without work are no motions that loads made soft; of none nothing is told."""
     half = elastic(block(np.linspace(0.0, 1.0, 5), np.linspace(0.0, 1.0, 5)), [hold("block.bottom", 0)])
