@@ -16,9 +16,10 @@ from mechanical_fmu.elastic_state import ElasticState
 from mechanical_fmu.energy import kinetic
 from mechanical_fmu.heat import flow_outputs, flow_variables, log_dilatation, moved_heat
 from mechanical_fmu.named_forces import ForcesAt
+from mechanical_fmu.softest import UNKNOWN
 from mechanical_fmu.stress_outputs import Moved, mesh_variables, stress_outputs, stress_variables
 from mechanical_fmu.system import System
-from mechanical_fmu.unstable import UNKNOWN, unstable_outputs, unstable_variables
+from mechanical_fmu.unstable import unstable_outputs, unstable_variables
 from mechanical_fmu.volume import PointStep
 from mechanical_fmu.warm import memory_layout
 

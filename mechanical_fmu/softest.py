@@ -13,7 +13,8 @@ mesh, and (w - m)/(W - m) of the body; what the mesh makes of it is
 
 0 without stress (what a mesh misses then is told by its stress), 1 where the bodies would leave their equilibrium by
 themselves on a mesh that bends as they do, and below 0 where cells are too soft.  Motions from cell to cell, which a
-mesh has and a body has not, are left out: their stress is all missed, and the next finer mesh has others.
+mesh has and a body has not, are left out: their stress is all missed, and the next finer mesh has others.  Of
+motions of a single row of cells of one dilatation nothing is known: no pressure across the row is (recovery.py).
 """
 
 from __future__ import annotations
@@ -23,22 +24,28 @@ from numpy.typing import NDArray
 from scipy.sparse import csr_matrix
 
 from contact.half.linalg import SingularMatrixError, factorise
-from mechanical_fmu.cells import Cells
+from mechanical_fmu.cells import ELASTIC, Cells
 from mechanical_fmu.material import Moduli
-from mechanical_fmu.recovery import Stressed, missed_energy
+from mechanical_fmu.recovery import Stressed, energies, missed_energy
 from mechanical_fmu.system import Loading, System
 
 Floats = NDArray[np.float64]
 
+QUAD = 4  # corners
 MOTIONS = 4  # so many are looked at: a scene may have several bodies that are soft
 TURNS = 8  # of inverse iteration, from motions at random, the same each time
 STRAIN = 1e-6  # largest that a motion is given
 ROUGH = 0.1  # of the square of a motion: what a field fitted to cells leaves of one that goes from cell to cell
+LEFT = 0.95  # of the energy of a motion: loads that leave more of it hardly soften it
+UNKNOWN = -1.0
+IN_A_ROW = 0.1  # of the energy of a motion: what is in cells of which the mesh does not tell what they miss
 LEAST = -0.9  # is told of cells that are softer still: -1 is what is not known
 
 
 def stiffness_off(system: System, K: csr_matrix, u: Floats, loading: Loading) -> float:
     """Return the largest such share of the softest motions [1], but no less than LEAST, at u : (n_nodes, 2) [m].
+
+    UNKNOWN where one is of a single row of quads of one dilatation.
 
     K : (2 n_nodes, 2 n_nodes) [N/m], symmetric, positive, what is prescribed held.  loading : its moduli and history.
     Raises ArithmeticError.
@@ -55,6 +62,8 @@ def stiffness_off(system: System, K: csr_matrix, u: Floats, loading: Loading) ->
         of = Stressed(stress, dilatation, system.nodal_stress, [np.zeros(c.weight.shape) for c in volume.kinds])
         missed, energy = missed_energy(volume.kinds, of, loading.moduli, len(u), n_bodies, plane, signed=True)
         m, W, w = float(missed.sum()), float(energy.sum()), 0.5 * float(motion @ (K @ motion))
+        if w < LEFT * W and _in_a_row(system, stress, loading) > IN_A_ROW:
+            return UNKNOWN
         # fault: loads that stiffen are taken to soften -> if W > 0.0: | mechanical_fmu/test_softest
         if W > w > 0.0 and m < W:
             worst = max(worst, (m / w - m / W) / (1.0 - m / W), key=abs)
@@ -85,6 +94,20 @@ def _rough(system: System, dx: Floats) -> float:
     means = np.concatenate([dx[cells].mean(axis=1) for cells in (interface.quads, interface.triangles)])
     at = dx[fit.node]
     return float(((fit.fit @ means - at) ** 2).sum() / max(float((at**2).sum()), np.finfo(float).tiny))
+
+
+def _in_a_row(system: System, stress: list[Floats], loading: Loading) -> float:
+    """Return the share of the energy of stress : (n_e, nq, 4) [Pa] in single rows of quads of one dilatation."""
+    fit, there = system.nodal_stress, np.zeros(len(system.interface.nodes), dtype=bool)
+    there[fit.node[fit.known]] = True
+    alone, every = 0.0, 0.0
+    for cells, of, m in zip(system.volume.kinds, stress, loading.moduli, strict=True):
+        energy = energies(of, m, cells.weight)
+        # fault: a single row of quads is judged by what nothing tells -> in_row = np.zeros(len(energy), dtype=bool) |
+        #   mechanical_fmu/test_softest
+        in_row = ~there[cells.nodes].any(axis=1) & (cells.treatment == ELASTIC) & (cells.nodes.shape[1] == QUAD)
+        alone, every = alone + float(energy[in_row].sum()), every + float(energy.sum())
+    return alone / max(every, np.finfo(float).tiny)
 
 
 def motion_stress(system: System, u: Floats, dx: Floats, loading: Loading) -> tuple[list[Floats], list[Floats]]:

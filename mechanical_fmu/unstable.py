@@ -20,7 +20,7 @@ from contact.half.linalg import negative_pivots
 from contact.half.model import Value, Variable
 from mechanical_fmu.advance import StepResult
 from mechanical_fmu.newton import with_tangent
-from mechanical_fmu.softest import stiffness_off
+from mechanical_fmu.softest import UNKNOWN, stiffness_off
 from mechanical_fmu.stress_outputs import Moved
 from mechanical_fmu.system import ForceBalance, Loading, System
 from mechanical_fmu.tangent import constrained, stiffness
@@ -33,7 +33,6 @@ HELD = 1e-9
 # motion v with gradients grad N of its nodes, stress takes back at most 2 sigma int |grad v|^2, which is at most
 # 2 nn sigma sum v_i^2 int |grad N_i|^2 with nn <= 4 nodes a cell; the own stiffness is at least mu int |grad N_i|^2.
 UNSTRESSED = HELD / 8.0
-UNKNOWN = -1.0
 
 
 def unstable_variables(system: System) -> tuple[Variable, ...]:

@@ -45,7 +45,7 @@ def test_no_half_that_tells_no_row() -> None:
 
 
 @pytest.mark.parametrize(("told", "verdict", "words"), [
-    ((0.0, -1.0, 0.05), TrustVerdict.HOLDS, ""), ((0.2, 0.3, 0.1), TrustVerdict.NOTED, "too stiff: by 30 %"),
+    ((0.0, 0.05), TrustVerdict.HOLDS, ""), ((0.2, 0.3, 0.1), TrustVerdict.NOTED, "too stiff: by 30 %"),
     ((0.2, 0.7), TrustVerdict.BROKEN, "lower loads"), ((-0.9, 0.3), TrustVerdict.NOTED, "too soft: by 90 %"),
     ((0.7, 0.0, -0.05), TrustVerdict.BROKEN, "at t = 0 s")])
 def test_what_the_mesh_makes_of_the_stiffness_that_is_left(told: tuple[float, ...], verdict: TrustVerdict, words: str
@@ -57,7 +57,16 @@ def test_what_the_mesh_makes_of_the_stiffness_that_is_left(told: tuple[float, ..
     assert (check.name, check.verdict) == (FINE, verdict)
     assert words in check.sentence
     assert check.number == max(abs(share) for share in told if share > -1.0)
-    assert checks(softened(log_of(0.0), -1.0, 0.0))[1:] == ()
+    assert checks(log_of(0.0))[1:] == ()
+
+
+@pytest.mark.parametrize(("told", "verdict"), [((0.0, -1.0, 0.05), TrustVerdict.UNCHECKED),
+                                               ((-1.0,), TrustVerdict.UNCHECKED), ((0.7, -1.0), TrustVerdict.BROKEN)])
+def test_a_mesh_that_does_not_tell_does_not_hold(told: tuple[float, ...], verdict: TrustVerdict) -> None:
+    log = log_of(*(0.0 for _ in told))
+    for k, share in enumerate(told):
+        log = softened(log, share, float(k))
+    assert checks(log)[1].verdict is verdict
 
 
 def column_scene(folder: Path, load: float, cells: tuple[int, int], more: dict[str, bool], element: str) -> Results:

@@ -82,6 +82,14 @@ def test_what_goes_from_cell_to_cell_is_no_motion_of_a_body():
     assert (told[NAME], told[SOFT]) == (0.0, 0.0)
 
 
+def test_of_a_single_row_of_quads_of_one_dilatation_nothing_is_said():
+    """It buckles at 1.17 times Euler's load, and would be told four times as much; others are known."""
+    assert column(0.7, (1, 20))[SOFT] == -1.0
+    assert column(0.01, (1, 20))[SOFT] == pytest.approx(0.0, abs=0.02)
+    assert column(0.7, (1, 20), True)[SOFT] == pytest.approx(1.0 - 0.3 / (1.0 - 0.7 / 4.509), rel=0.1)
+    assert abs(column(0.7, (1, 20), element="enhanced")[SOFT]) < 0.01
+
+
 def test_a_body_that_nothing_holds_and_one_that_is_held_all_over():
     """Three motions without work are no motions that loads made soft; of none nothing is told."""
     half = elastic(block(np.linspace(0.0, 1.0, 5), np.linspace(0.0, 1.0, 5)), [hold("block.bottom", 0)])
