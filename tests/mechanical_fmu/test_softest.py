@@ -65,7 +65,7 @@ def test_it_does_not_hang_on_where_a_column_stands():
 
 def test_loads_that_stiffen_and_none_at_all_make_nothing_of_it():
     assert column(0.0, (2, 20), True)[SOFT] == 0.0
-    assert abs(column(-1.0, (2, 20), True)[SOFT]) < 1e-4
+    assert column(-1.0, (2, 20), True)[SOFT] == 0.0
 
 
 def test_a_column_that_buckles_is_told_by_the_count():
@@ -85,7 +85,7 @@ def test_what_goes_from_cell_to_cell_is_no_motion_of_a_body():
 def test_of_a_single_row_of_quads_of_one_dilatation_nothing_is_said():
     """It buckles at 1.17 times Euler's load, and would be told four times as much; others are known."""
     assert column(0.7, (1, 20))[SOFT] == -1.0
-    assert column(0.01, (1, 20))[SOFT] == pytest.approx(0.0, abs=0.02)
+    assert column(0.01, (1, 20))[SOFT] == 0.0
     assert column(0.7, (1, 20), True)[SOFT] == pytest.approx(1.0 - 0.3 / (1.0 - 0.7 / 4.509), rel=0.1)
     assert abs(column(0.7, (1, 20), element="enhanced")[SOFT]) < 0.01
 
