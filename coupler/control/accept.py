@@ -16,7 +16,8 @@ from coupler.control.two_cycle import CycleAction, WindowSummary, act
 from coupler.errors import CouplingError
 from coupler.rules import engine as rules
 from coupler.rules.engine import Firing
-from coupler.scenario.options import OnMax
+from coupler.scenario.options import OnMax, Seen
+from coupler.schemes.schemes import read_at
 from coupler.schemes.state import Solved, Span, Verdict
 from coupler.trust.ways import AHEAD, SHARE
 
@@ -157,7 +158,7 @@ def accept(attempt: Attempt) -> Decision:
     """Accepts or rejects a window.  Raises CouplingError where it must be tried again and may not."""
     if not attempt.solved.taken:
         return _failed(attempt)
-    if (outran := _outran(attempt)) is not None:
+    if (outran := _outran(attempt) or _skips(attempt)) is not None:
         return outran
     found, events_memory = _event(attempt)
     if found is not None and not found.located:
@@ -194,6 +195,38 @@ def _outran(attempt: Attempt) -> Decision | None:
         return None
     why = f"pair {gone.pair}: one surface passed the other by {gone.share:.3g} times its length"
     size = attempt.H * max(SHARE * AHEAD / gone.share, LEAST_SHARE)
+    return Decision(rejected(attempt.solved, Verdict.ERROR, why), shorter(attempt, size, why))
+
+
+def skipped(attempt: Attempt, halves: int) -> tuple[float, str]:
+    """Up to which share of an adaptive window data over place or gap are read as they are passed, and what is not.
+
+    halves : the number of windows that it is solved as.  1.0 and "": all of it, or it is as short as a first one.
+    """
+    plan, solved = attempt.plan, attempt.solved
+    # fault: windows skip what data over place or gap begin or end -> if True: | coupler/test_trust_skipped
+    if plan.adaptive is None or plan.placed is None or plan.adaptive.first >= attempt.H or at_least(attempt):
+        return 1.0, ""
+    reads = reads_of(solved, attempt.span, attempt.at.control.settings.iteration.level, halves)
+    return plan.placed.unmet(attempt.at.state.now, solved.state.now, reads)
+
+
+def reads_of(solved: Solved, span: Span, level: Seen, halves: int = 0) -> tuple[float, ...]:
+    """Return the parts of a window at which the thermal half reads places and gaps.
+
+    level : `coupling.iteration.level`.  halves : it is solved as so many windows; 0: as it was.
+    """
+    return read_at(solved.scheme, level, span.substeps["thermal"], halves or (1 if solved.whole is None else 2))
+
+
+def _skips(attempt: Attempt) -> Decision | None:
+    """The decision on an adaptive window that skips data over place or gap; None: it does not."""
+    share, what = skipped(attempt, 1 if attempt.solved.whole is None else 2)
+    if share >= 1.0:
+        return None
+    assert attempt.plan.adaptive is not None
+    why = f"{what} by more than a window of this size reads"
+    size = max(attempt.H * share, attempt.plan.adaptive.first)
     return Decision(rejected(attempt.solved, Verdict.ERROR, why), shorter(attempt, size, why))
 
 

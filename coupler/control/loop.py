@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from coupler.control import auto, error_estimate, events, flutter, own_growth, spare, unannounced
-from coupler.control.accept import Attempt, Decision, accept, rejected
+from coupler.control.accept import Attempt, Decision, accept, reads_of, rejected, skipped
 from coupler.control.error_estimate import Estimate
 from coupler.control.gain import Gain
 from coupler.control.instability import answer
@@ -165,6 +165,11 @@ class Tried:
         return self.error.error if self.error is not None and self.solved.verdict is Verdict.ERROR else math.inf
 
     @property
+    def reads(self) -> tuple[float, ...]:
+        """The parts of it at which the thermal half read places and gaps, as it was kept."""
+        return reads_of(self.solved, self.span, self.before.settings.iteration.level)
+
+    @property
     def acted(self) -> Acted:
         """What rules did at its end, of a window that stands."""
         late = {f.rule: f.passed for f in self.fired if f.passed is not None}
@@ -205,11 +210,13 @@ def step(halves: Halves, at: Committed, plan: Plan) -> Tried:
     with SavedStates(halves, t0, control.number + 1) as saved:
         solved = solve_once(halves, at.state, span, options, saved)
         error, in_one = _carried(at, plan, span, solved), np.empty(0)
-        # fault: windows are put back for errors that nobody measured -> if plan.adaptive and solved.taken and error is
-        #   None: | coupler/test_defaults
-        # fault: a window of one tick is halved -> if plan.adaptive and solved.taken and (
-        #   error is None or error.error > 1.0): | coupler/test_control
-        if plan.adaptive and solved.taken and (error is None or error.error > 1.0) and can_halve(span):
+        skips = [solved.taken and skipped(Attempt(plan, at, span, solved), n)[0] < 1.0 for n in (1, 2)]
+        # fault: windows are put back for errors that nobody measured -> measured = error is None |
+        #   coupler/test_defaults
+        measured = error is None or error.error > 1.0 or skips[0]
+        # fault: a window of one tick is halved -> if plan.adaptive and solved.taken and measured: |
+        #   coupler/test_control
+        if plan.adaptive and solved.taken and measured and not skips[1] and can_halve(span):
             solved = _in_one(halves, at.state, span, options, saved, solved)
             in_one = plan.watched(solved.state.now)
             solved = doubled(halves, at.state, span, options, saved, solved)

@@ -20,6 +20,7 @@ from coupler.scenario.rule_model import Rule
 from coupler.schemes.levels import Level
 from coupler.schemes.schedule import Schedule
 from coupler.schemes.state import Settings
+from coupler.trust.skipped import PlacedData
 from coupler.trust.ways import Ways
 
 
@@ -62,6 +63,7 @@ class Plan:
     steady_data : whether no datum and no rule changes with time what acts on the scene.
     latent : the largest latent heat over heat capacity [K]; 0: nothing melts.  ways : how surfaces pass each other, on
     motions that the scene states; None: nobody looks.
+    placed : data over place or gap, of which windows are to skip nothing; None: nobody looks.
     steady_T : whether temperatures are those of a steady state at any time.  inertia : whether bodies have any.
     mechanical : (n,) which of those the mechanical half makes; (0,): none.  cells : of each body, of the scene's mesh.
     pairs : the pair nodes of each pair.  torn : those whose conductance jumps at touch.
@@ -88,6 +90,7 @@ class Plan:
     torn: Torn = NOT_TORN
     latent: float = 0.0
     ways: Ways | None = None
+    placed: PlacedData | None = None
 
     @property
     def settings(self) -> Settings:

@@ -115,7 +115,7 @@ class Observer:
         self.trust = self._watch.after(
             self.trust, (before, tried.solved.state.now), Ledger().after(tried.solved.terms).everything,
             fresh=fresh, forced=tried.forced, looked=tried.looked,
-            inputs=tried.before.settings.inputs.get("thermal", {}), monitors=tried.solved.monitors)
+            inputs=tried.before.settings.inputs.get("thermal", {}), monitors=tried.solved.monitors, reads=tried.reads)
         if rules_act:
             self.trust = self._watch.acted(self.trust, tried.acted)
 

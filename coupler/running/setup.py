@@ -31,6 +31,7 @@ from coupler.schemes.levels import Level
 from coupler.schemes.schedule import schedule
 from coupler.schemes.schemes import scheme_of
 from coupler.schemes.state import ELASTIC_STRAIN, CoupledState, Halves, wanted_outputs
+from coupler.trust.skipped import PlacedData
 from coupler.trust.ways import Ways
 
 Array = NDArray[np.float64]
@@ -188,6 +189,7 @@ def plan_of(scenario: Scenario) -> Plan:
                 pairs=tuple(pair.nodes for pair in pair_nodes_of(interface) if not pair.tied),
                 steady_data=steady_data, steady_T=is_steady(scenario.models), torn=_torn(scenario),
                 inertia=has_inertia(scenario.models["mechanical"]),
+                placed=PlacedData(interface, scenario.models["thermal"]),
                 # fault: what melts is steady while it melts -> latent=0.0) | coupler/test_stop_steady
                 latent=latent_span(scenario.models["thermal"]), ways=Ways(interface, scenario.models["mechanical"]))
 

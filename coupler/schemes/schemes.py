@@ -228,3 +228,17 @@ _BY_NAME = {scheme.name: scheme for scheme in SCHEMES}
 def scheme_of(name: Scheme) -> CouplingScheme:
     """Returns the scheme of a name.  Raises KeyError for `auto`, which is none."""
     return _BY_NAME[name]
+
+
+def read_at(name: Scheme, level: Seen, steps: int, windows: int) -> tuple[float, ...]:
+    """Returns the parts (0 to 1) of a time at which the thermal half is given x, t_N and gaps in it, each as often.
+
+    level : `coupling.iteration.level`.  steps : of the thermal half in a window.  windows : equal ones, in that time.
+    """
+    sees = scheme_of(name).exchange_at(level).geometry.sees
+    if sees is Sees.START:
+        return tuple(k / windows for k in range(windows))
+    # fault: what is read at the ends of steps counts as read in their middles -> later = 0.5 |
+    #   coupler/test_trust_skipped
+    later = 1.0 if sees is Sees.END else 0.5
+    return tuple((k + later) / (steps * windows) for k in range(steps * windows))

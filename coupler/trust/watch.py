@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import asdict, dataclass, field, replace
 from types import MappingProxyType
 from typing import Any
@@ -170,14 +170,15 @@ class TrustWatch:
 
     def after(self, log: TrustLog, levels: tuple[Level, Level], terms: Mapping[str, float], *, fresh: bool,
               forced: float = 0.0, looked: Looked | None = None, inputs: Mapping[str, float] = NOTHING,
-              monitors: Mapping[str, float] = NOTHING) -> TrustLog:
+              monitors: Mapping[str, float] = NOTHING, reads: Sequence[float] = skipped.MIDDLE) -> TrustLog:
         """Return the log after a window that was taken.
 
         levels : at its start and its end.  terms : its heat, and what nodes took up (Ledger.everything) [J].
         fresh : it begins at a kink of the data.  forced : its error in tolerances, where it was taken although that is
         too large; inf: although it did not converge; else 0.  looked : what was seen of the probes; None: they are not
         followed.  inputs : of the thermal half in this window, besides what is exchanged.  monitors : what the halves
-        tell of it, `thermal.NAME` and `mechanical.NAME`.
+        tell of it, `thermal.NAME` and `mechanical.NAME`.  reads : the parts of it at which the
+        thermal half read places and gaps.
         """
         before, now = levels
         if looked is not None:
@@ -199,7 +200,8 @@ class TrustWatch:
             penetration=self._yields.watched(log.penetration, now),
             facets=log.facets if self._prescribed else self._facets.watched(log.facets, now),
             round_gaps=self._round_gaps.watched(log.round_gaps, now, now.t - before.t),
-            skipped=self._placed.watched(log.skipped, before, now), ways=self._ways.watched(log.ways, before, now),
+            skipped=self._placed.watched(log.skipped, before, now, reads),
+            ways=self._ways.watched(log.ways, before, now),
             carried=carried.watched(log.carried, monitors.get(f"thermal.{OFF_MESH}"), now.t),
             shapes=carried.watched(log.shapes, shape_off, now.t, 0.0 if shape_off is None else self._deformed(now)),
             across=across.watched(log.across, monitors.get(f"thermal.{ACROSS}"), now.t),

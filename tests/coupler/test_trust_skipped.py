@@ -11,6 +11,8 @@ import pytest
 
 from coupler import Results, run
 from coupler.scenario.load import scenario_from
+from coupler.scenario.options import Scheme, Seen
+from coupler.schemes.schemes import read_at
 from coupler.trust.checks import TrustVerdict
 from coupler.trust.skipped import NAME
 
@@ -59,6 +61,12 @@ def test_a_strip_that_jumps_past_a_coil_is_told(tmp_path):
     assert row(results).number == pytest.approx(4.0, abs=0.05)
 
 
+def test_a_coil_that_is_a_fiftieth_of_the_way_is_seen(tmp_path):
+    """As above, 200 mm a window: a node in the coil at the middle of one gets 200 mm of it in place of 4."""
+    results = strip(tmp_path, 10, {"Q_T": {"terms": [{"t": 2e9, "x": COIL}]}}, speed=10 * SPEED)
+    assert row(results).number == pytest.approx(49.0, rel=0.05)
+
+
 @pytest.mark.slow
 def test_windows_that_see_the_coil_say_nothing(tmp_path):
     """0.5 mm a window, half of its narrowest part; the rest is round-off."""
@@ -91,3 +99,69 @@ def test_a_jump_is_no_narrow_part(tmp_path):
     sharp = {"at": [0.1, 0.1 + 1e-9, 0.104, 0.104 + 1e-9], "value": [0, 1, 1, 0]}
     results = strip(tmp_path, 10, {"Q_T": {"terms": [{"t": 2e9, "x": sharp}]}})
     assert "move by no more than 0.004 m, the narrowest part" in row(results).remedy
+
+
+# A block of 400 K, even in itself, leaves a plate of 300 K at 80 um/s.  What cools it, 200 W/m2K, begins or ends where
+# it has gone 2.6 mm, at 32.5 s, over 0.1 mm.  Windows find their own size; until then all is as before.
+RISE, FROM, TO, FILM, HEIGHT = 8e-5, 2.6e-3, 2.7e-3, 200.0, 0.01
+AT = 0.5 * (FROM + TO) / RISE
+
+
+def leaves(tmp_path: Path, pair: dict[str, Any], boundary: list[Any], windows: float = 0.0, **coupling: Any) -> Results:
+    """windows : their size [s]; 0: they find it."""
+    out = tmp_path / "run.h5"
+    mesh = [{"rectangle": {"origin": [0, y], "size": [0.02, HEIGHT], "cells": [2, 1]}} for y in (-HEIGHT, 0.0)]
+    doc = {
+        "slideline": 2, "title": "leaves", "units": {"temperature": "K"}, "geometry": "plane",
+        "materials": {"steel": {"rho": RHO, "c": C, "k": 1e4}},
+        "bodies": {"plate": {"mesh": mesh[0], "material": "steel", "T0": 300},
+                   "block": {"mesh": mesh[1], "material": "steel", "T0": 400}},
+        "contact": {"slot": {"slave": "block.bottom", "master": "plate.top", "gap_max": 0.02, **pair}},
+        "thermal": {"boundary": [{"body": "plate", "temperature": 300}, *boundary]},
+        "mechanical": {"half": "rigid", "rigid": {"motion": {"block": {"u_y": {"t": [0, 100], "value": [0, 0.008]}}}}},
+        "coupling": {"end": 100, **({"windows": [{"until": 100, "size": windows}]} if windows else {}), **coupling},
+        "probes": {"T": {"T": {"mean": "block"}}}}
+    run(scenario_from(json.dumps(doc), tmp_path / "leaves.yaml", {}), out)
+    return Results(out)
+
+
+def cooled(seconds: float) -> float:
+    return 300.0 + 100.0 * float(np.exp(-FILM * seconds / (RHO * C * HEIGHT)))
+
+
+OPENS = {"convection": {"h": FILM, "T": 300, "gap": {"d_cut": FROM, "d_full": TO}}}
+ABOVE = {"convection": {"h": {"terms": [{"t": FILM, "y": {"at": [FROM, TO], "value": [0, 1]}}]}, "T": 300}}
+ENDS = {"conduction": {"closed": {"law": "constant", "h": FILM},
+                       "open": {"law": "table", "x": [0, FROM, TO], "h": [FILM, FILM, 0]}}}
+
+
+@pytest.mark.few("film over the gap", "table over the gap")
+@pytest.mark.parametrize(("pair", "boundary", "seconds"), [
+    pytest.param({}, [{"on": "block.bottom", **OPENS}], 100.0 - AT, id="film over the gap"),
+    pytest.param(ENDS, [], AT, id="table over the gap"),
+    pytest.param({}, [{"on": "block.bottom", **ABOVE}], 100.0 - AT, id="film over place")])
+def test_windows_skip_nothing_that_begins_or_ends_in_them(tmp_path, pair, boundary, seconds):
+    """Off by 3.2 K of 30, by 3.2 K of 16 and, by chance, by 0.05 K of 30; told as 0.016, 0.005 and 0.01 K."""
+    results = leaves(tmp_path, pair, boundary)
+    assert float(results.probe("T")[1][-1]) == pytest.approx(cooled(seconds), abs=0.05)
+    assert not results.broken
+    assert len(results.windows) < 40
+
+
+@pytest.mark.parametrize(("level", "read"), [("middle", 50.0), ("end", 100.0)])
+def test_what_fades_with_a_gap_is_followed_in_listed_windows(tmp_path, level, read):
+    """Two windows of 50 s, read at 25 and 75 s, or at 50 and 100 s: the film acts for `read` seconds, not for 66.9."""
+    held = {"scheme": "iterated", "iteration": {"level": level}}
+    results = leaves(tmp_path, {}, [{"on": "block.bottom", **OPENS}], 50.0, **held)
+    # Steps of a quarter of the time in which the block cools.
+    assert float(results.probe("T")[1][-1]) == pytest.approx(cooled(read), abs=0.6)
+    assert row(results).number == pytest.approx(abs(read - (100.0 - AT)) / (100.0 - AT), abs=0.01)
+    assert row(results) in results.broken
+    assert "the convection on block.bottom changes with the gap" in row(results).what
+
+
+def test_where_a_half_reads_in_a_window():
+    assert read_at(Scheme.ITERATED, Seen.MIDDLE, 1, 1) == (0.5,)
+    assert read_at(Scheme.ITERATED, Seen.END, 1, 2) == (0.5, 1.0)
+    assert read_at(Scheme.EXTRAPOLATED, Seen.MIDDLE, 2, 1) == (0.25, 0.75)
+    assert read_at(Scheme.STAGGERED, Seen.MIDDLE, 3, 2) == (0.0, 0.5)
