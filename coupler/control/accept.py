@@ -249,6 +249,13 @@ def _failed(attempt: Attempt) -> Decision:
                             window=control.number + 1, iteration=len(history.misfits),
                             residuals=tuple(history.misfits[-1].values()),
                             remedy="Give smaller windows, another acceleration or more iterations")
+    # fault: a try that no half can solve makes the search for an event shorter still -> if False: |
+    #   coupler/test_events
+    if control.aim == attempt.span.k1 and solved.verdict in (Verdict.MECHANICAL_DISCARD, Verdict.THERMAL_DISCARD):
+        other = events.refused(control.events, attempt.span)
+        if other is not None:
+            tick, memory = other
+            return Decision(solved, tried_again(attempt, replace(control, aim=tick, events=memory), solved.message))
     # A rule may change what the half depends on; without one the same would be asked again.
     # fault: what no shorter window helps is asked of shorter ones -> if False: | coupler/test_steady_unsolved
     if solved.final and not plan.rules:

@@ -157,7 +157,7 @@ class Search:
         hi = self.behind[0].t if self.behind else float("inf")
         if found is None or (self.behind and len(self.tried) % HALVE == 0):
             assert self.behind, "without a try behind the event only what nears is searched for"
-            return max(0.5 * (lo + hi), r.t0 + r.least)
+            return min(max(0.5 * (lo + hi), r.t0 + r.least), hi)
         half = 0.5 * r.tolerance
         # While it is in doubt one more end before it, so near that the next is beside it; else on the side wanted.
         if found.doubt > half:
@@ -167,7 +167,7 @@ class Search:
             end = found.t + (half if r.behind else -half)
         if not lo + 0.25 * r.tolerance < end < hi - 0.25 * r.tolerance:
             end = 0.5 * (lo + min(hi, found.t if found.t > lo else hi))
-        return max(end, r.t0 + r.least)
+        return min(max(end, r.t0 + r.least), hi)
 
     def _back(self) -> Root | None:
         """Where the new status began, from what was left of it at two tries or more."""
@@ -223,6 +223,8 @@ CLOSE = 1e-3
 FLUTTERS, STAYS = 3, 10
 # Halving needs 20 tries for 1e-6.
 MAX_TRIES = 40
+# Where a half cannot solve a try the next one is so many times as long.
+PAST = 10.0
 
 
 @dataclass(frozen=True)
@@ -234,6 +236,7 @@ class Memory:
     turned : when each status changed last [s]; -1: never.  aim : the tick at which a try was asked to end; 0: none.
     due : which are to change at once in this window; coming : in the one after this try.
     flutters : how often each turned back in the window after it turned; stayed : for how many windows it did not turn.
+    refused [s]: the end of the last try that a half could not solve, in this search; -1: none.
     """
 
     trail: tuple[ContactStatus, ...] = ()
@@ -245,6 +248,7 @@ class Memory:
     coming: tuple[int, ...] = ()
     flutters: tuple[int, ...] = ()
     stayed: tuple[int, ...] = ()
+    refused: float = -1.0
 
     def looked_for(self, i: int, t0: float) -> bool:
         """Whether a change of status i is located in a window that begins at t0 [s]."""
@@ -298,6 +302,23 @@ def met(memory: Memory, start: Level, solved: Solved, span: Span, plan: Plan,
     return _again(min(s.next_end() for s in searches), memory, reach, text)
 
 
+def refused(memory: Memory, span: Span) -> tuple[int, Memory] | None:
+    """The tick at which to end the next try where a half could not solve one that was to end beside an event.
+
+    What a load brings about however small it is happens where that begins: a body that falls as soon as it has weight
+    is on its support at any time after.  Nearer and nearer to there what holds it is lost in rounding.  None: no end
+    behind the event is known that a half could solve.
+    """
+    behind = [s.t for s in memory.tried if memory.trail and changed(memory.trail[-1], s)]
+    if not behind or memory.aim != span.k1:
+        return None
+    t0 = span.clock.seconds(span.k0)
+    # fault: a search goes on towards where a half cannot solve -> past = 1.0 | coupler/test_events
+    past = PAST
+    tick = _inside(min(t0 + past * (span.end - t0), *behind), span)
+    return tick, replace(memory, aim=tick, refused=span.end)
+
+
 def expected(memory: Memory, state: CoupledState, span: Span, plan: Plan, scheme: Scheme) -> int | None:
     """Where an event is expected inside a window that is about to be solved: the tick at which to end it.
 
@@ -330,7 +351,7 @@ def forgotten(memory: Memory) -> Memory:
         a, b = memory.trail[-2:]
         rates = tuple(tuple((u - v) / (b.t - a.t) for u, v in zip(a.margins[i], b.margins[i], strict=False))
                       if a.status[i] is b.status[i] else () for i in range(len(b.status)))
-    return replace(memory, trail=memory.trail[-1:], rates=rates)
+    return replace(memory, trail=memory.trail[-1:], rates=rates, refused=-1.0)
 
 
 def _at(memory: Memory, start: Level, plan: Plan, of_rules: rules.Memory) -> Memory:
@@ -347,7 +368,8 @@ def _reach(memory: Memory, span: Span, plan: Plan, scheme: Scheme) -> Reach:
     t1 = max([span.end, *(s.t for s in memory.tried)])
     tolerance = plan.locate.tolerance or TOLERANCE * (t1 - t0)
     near = NEAR * (t1 - t0) if span.k1 in plan.schedule.kinks else 0.0
-    return Reach(span, plan.must_end(span.k0), t0, t1, tolerance, max(LEAST * (t1 - t0), tolerance), near,
+    least = max(LEAST * (t1 - t0), tolerance, PAST * (memory.refused - t0) if memory.refused > t0 else 0.0)
+    return Reach(span, plan.must_end(span.k0), t0, t1, tolerance, least, near,
                  schemes_under(scheme))
 
 

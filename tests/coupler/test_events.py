@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import sys
 import tomllib
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -23,7 +23,7 @@ from coupler.control.contact_status import (
 from coupler.control.events import NEXT, WORDS
 from coupler.control.loop import Plan, Tried, windows
 from coupler.control.plan import Locate
-from coupler.fmu.half import Block
+from coupler.fmu.half import Advance, Block, Status
 from coupler.scenario.options import Scheme, WindowRange
 from coupler.schemes.levels import Level
 from coupler.schemes.schedule import schedule
@@ -108,6 +108,32 @@ def test_events_of_a_motion_are_found_once_each(name: str):
     assert all(t > at for (_, t), at in zip(found, times, strict=True)), "windows end behind their events"
     assert sum(not w.accepted for w in tried) <= most
     assert tried[-1].solved.state.events == len(times)
+
+
+@dataclass
+class Faint(FakeHalf):
+    """What holds a body up to 1 ms after the start is lost in rounding: it can solve no step that ends before."""
+
+    def advance(self, t, h, inputs, outputs):
+        if t + h < 1e-3:
+            return Advance(Status.DISCARD, "nothing holds the body", {}, 0.0)
+        return super().advance(t, h, inputs, outputs)
+
+
+@pytest.mark.parametrize("scheme", [Scheme.EXTRAPOLATED, Scheme.ITERATED])
+def test_what_a_load_brings_about_however_small_it_is_happens_soon(scheme):
+    """A body has no weight at the start, and lies on its support at any time after: the search ends where a half can
+    solve, and the run goes on.
+    """
+    (still, moves), state = moving(lambda t: 1e-3 if t == 0.0 else -1e-6 * t)
+    faint = Faint(moves.name, moves.blocks, moves.rule, moves.state)
+    tried = solved((still, faint), state, plan(40.0, 1.3, scheme))
+    found = events(tried)
+    assert found[0][0] == "pair tip closes"
+    assert 1e-3 <= found[0][1] <= 0.02
+    assert len(found) == 1
+    assert sum(not w.accepted for w in tried) <= 10
+    assert tried[-1].t + tried[-1].H == pytest.approx(40.0)
 
 
 def test_a_tolerance_that_is_asked_for_is_all_that_is_found():
