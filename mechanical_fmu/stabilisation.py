@@ -39,6 +39,8 @@ LEAST = 1e-9
 # What nothing pushes when an increment begins is flung away where contact lets go of it within the increment.  One that
 # takes a body so many times its way is not taken: it is tried again, with so many times the least damping.
 TOO_FAR, FIRMER = 100.0, 1e3
+# A gap of less than this share of a way was gone past.
+PAST = 0.9
 # A body that went no farther than this share of its size stayed where it was.
 STILL = 1e-12
 # One that went as many times as far as the whole scene is wide has nothing left to meet.
@@ -71,7 +73,7 @@ def stabilised(system: System, loading: Loading, first: ForceBalance, settings: 
     ways, relief = loose.way.copy(), 1.0
     rough = replace(settings, method="newton", tolerance=max(settings.tolerance, ROUGH), leads_on=True,
                     max_iterations=min(settings.max_iterations, SOON))
-    fine = replace(rough, tolerance=settings.tolerance, leads_on=False)
+    fine = replace(rough, tolerance=settings.tolerance, leads_on=False, max_iterations=settings.max_iterations)
     floor = system.floor(loading, settings.tolerance)
     least = LEAST * float(floor.usual.max())
     extent = float(np.ptp(system.interface.nodes, axis=0).max())
@@ -87,7 +89,11 @@ def stabilised(system: System, loading: Loading, first: ForceBalance, settings: 
         try:
             step = solve_step(system, damped, system.balance(found.u, damped, True), None, used)
         except NoEquilibriumError:
-            ways *= LESS
+            # What went far past its gap is sent to where that just closes: a tenth of the way, and twice as far again,
+            # would come nearer for ever and end in the same overlap.
+            # fault: what overshoots its gap is sent a tenth as far -> gaps = ways | coupler/test_first_contact_run
+            gaps = np.array([_first_way(system, found, body) for body in loose.bodies])
+            ways = np.where(gaps < PAST * ways, gaps, LESS * ways)
             continue
         # fault: a body that was flung away is looked for where it went -> if False: | mechanical_fmu/test_first_contact
         if _flung(system, loose, step.balance.u - found.u, ways / relief):

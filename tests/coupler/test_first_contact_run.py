@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import sys
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -51,3 +52,33 @@ def test_the_codec_and_halved_windows_end_in_the_same() -> None:
     assert finer.outcome == COMPLETED, finer.message
     # Friction depends on the way of the load: at the ends of the surface, where it slips.
     assert np.abs(direct.t_N[-1] - finer.t_N[-1]).max() <= 1e-3 * np.abs(direct.t_N[-1]).max()
+
+
+def falling(weight: float, heights: tuple[float, ...] = (0.05, 0.03, 0.02), gap: float = 1e-5) -> Scene:
+    """Cylinders above each other, each a gap above the one below; a share of their weight comes on within a second."""
+    names, y, bodies, pairs = "abc", 0.0, {}, {}
+    for i, (name, h) in enumerate(zip(names, heights, strict=True)):
+        bodies[name] = {"mesh": {"rectangle": {"origin": [0, y], "size": [0.03, h], "cells": [3 + i % 2, 4]}},
+                        "material": "steel", "T0": 300}
+        y += h + gap
+    for below, above in pairwise(names):
+        pairs[above] = {"slave": f"{above}.bottom", "master": f"{below}.top", "gap_max": 1e-3}
+    return Scene({
+        "slideline": 2, "units": {"temperature": "K"}, "geometry": "axisymmetric",
+        "materials": {"steel": {"rho": 7800, "k": 45, "c": 480, "E": 2e11, "nu": 0.3, "alpha": 0}},
+        "bodies": bodies, "contact": pairs, "thermal": {},
+        "mechanical": {"half": "elastic", "elastic": {
+            "gravity": {"y": {"t": [0, 1], "value": [0, -9.81 * weight]}}, "boundary": [{"on": "a.bottom", "u_y": 0}]}},
+        "coupling": {"end": 1, "windows": [{"until": 1, "size": 1}]},
+        "probes": {"lower": {"p": {"mean": "a.top"}}, "upper": {"p": {"mean": "b.top"}}}}, {})
+
+
+@pytest.mark.parametrize("weight", [1.0, pytest.param(0.1, marks=pytest.mark.slow), 0.01])
+def test_blocks_above_each_other_fall_and_press_by_their_weight(weight: float) -> None:
+    """Whatever share of it: each overshoots its gap, and comes to where that just closes."""
+    story = told(falling(weight))
+    assert story.outcome == COMPLETED, story.message
+    assert len(story.levels) == 2, "in one window"
+    of = 7800 * 9.81 * weight  # pressures settle to 1e-3 (augmented.tolerance), their means nearer
+    assert story.probes["lower"][-1] == pytest.approx(of * 0.05, rel=2e-5)
+    assert story.probes["upper"][-1] == pytest.approx(of * 0.02, rel=2e-5)
