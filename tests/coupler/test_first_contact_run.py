@@ -73,12 +73,13 @@ def falling(weight: float, heights: tuple[float, ...] = (0.05, 0.03, 0.02), gap:
         "probes": {"lower": {"p": {"mean": "a.top"}}, "upper": {"p": {"mean": "b.top"}}}}, {})
 
 
-@pytest.mark.parametrize("weight", [1.0, pytest.param(0.1, marks=pytest.mark.slow), 0.01])
+@pytest.mark.parametrize("weight", [1.0, pytest.param(0.01, marks=pytest.mark.slow), 1e-4])
 def test_blocks_above_each_other_fall_and_press_by_their_weight(weight: float) -> None:
     """Whatever share of it: each overshoots its gap, and comes to where that just closes."""
     story = told(falling(weight))
     assert story.outcome == COMPLETED, story.message
     assert len(story.levels) == 2, "in one window"
-    of = 7800 * 9.81 * weight  # pressures settle to 1e-3 (augmented.tolerance), their means nearer
-    assert story.probes["lower"][-1] == pytest.approx(of * 0.05, rel=2e-5)
-    assert story.probes["upper"][-1] == pytest.approx(of * 0.02, rel=2e-5)
+    of = 7800 * 9.81 * weight
+    settles = 1e-3 * of * 0.05  # augmented.tolerance, of the largest pressure
+    assert story.probes["lower"][-1] == pytest.approx(of * 0.05, abs=settles)
+    assert story.probes["upper"][-1] == pytest.approx(of * 0.02, abs=settles)
