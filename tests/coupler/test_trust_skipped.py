@@ -107,7 +107,8 @@ RISE, FROM, TO, FILM, HEIGHT = 8e-5, 2.6e-3, 2.7e-3, 200.0, 0.01
 AT = 0.5 * (FROM + TO) / RISE
 
 
-def leaves(tmp_path: Path, pair: dict[str, Any], boundary: list[Any], windows: float = 0.0, **coupling: Any) -> Results:
+def leaves(tmp_path: Path, pair: dict[str, Any], boundary: list[Any], windows: float = 0.0,
+           until: float | None = None, **coupling: Any) -> Results:
     """windows : their size [s]; 0: they find it."""
     out = tmp_path / "run.h5"
     mesh = [{"rectangle": {"origin": [0, y], "size": [0.02, HEIGHT], "cells": [2, 1]}} for y in (-HEIGHT, 0.0)]
@@ -121,7 +122,7 @@ def leaves(tmp_path: Path, pair: dict[str, Any], boundary: list[Any], windows: f
         "mechanical": {"half": "rigid", "rigid": {"motion": {"block": {"u_y": {"t": [0, 100], "value": [0, 0.008]}}}}},
         "coupling": {"end": 100, **({"windows": [{"until": 100, "size": windows}]} if windows else {}), **coupling},
         "probes": {"T": {"T": {"mean": "block"}}}}
-    run(scenario_from(json.dumps(doc), tmp_path / "leaves.yaml", {}), out)
+    run(scenario_from(json.dumps(doc), tmp_path / "leaves.yaml", {}), out, until=until)
     return Results(out)
 
 
@@ -146,6 +147,14 @@ def test_windows_skip_nothing_that_begins_or_ends_in_them(tmp_path, pair, bounda
     assert float(results.probe("T")[1][-1]) == pytest.approx(cooled(seconds), abs=0.05)
     assert not results.broken
     assert len(results.windows) < 40
+
+
+@pytest.mark.parametrize("end", [pytest.param(26.0, marks=pytest.mark.slow), 31.0])
+def test_a_run_that_is_stopped_before_something_begins_has_missed_nothing_of_it(tmp_path, end):
+    """It stops at the first end of a window behind that, which lies where the film begins or before."""
+    results = leaves(tmp_path, {}, [{"on": "block.bottom", **OPENS}], until=end)
+    assert results.probe("T")[0][-1] >= end
+    assert not results.broken
 
 
 @pytest.mark.parametrize(("level", "read"), [("middle", 50.0), ("end", 100.0)])
