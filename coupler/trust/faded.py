@@ -6,7 +6,6 @@ change fast each of these is like a field over place: it may begin, or end, with
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any
@@ -36,15 +35,10 @@ class Faded:
     reach: float
     far: float
 
-    @property
-    def wide(self) -> float:
-        """Return the width of the narrowest part that begins and ends [m]: gaps mostly go one way."""
-        return math.inf
-
-    def ways(self, before: Level, now: Level) -> Array:
-        """Return by how much each gap changes, (n,) [m]; 0 of what does not face the other side all the time."""
+    def way(self, before: Level, now: Level) -> float:
+        """Return by how much a gap changes at most, of what faces the other side all the time [m]."""
         a, b, faces = self._gaps(before, now)
-        return np.where(faces, np.abs(b - a), 0.0)
+        return float(np.abs(b - a)[faces].max(initial=0.0))
 
     def along(self, before: Level, now: Level, parts: Array) -> Array:
         """Return the data at these parts of the way from gap to gap; what ceases to face, or begins to, goes no way."""

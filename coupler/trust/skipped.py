@@ -16,7 +16,6 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -38,8 +37,6 @@ NOTE_AT, LIMIT = 0.02, 0.2
 # Of the range of the data, what all nodes together, and what each, a mean over them, may read too much or too little in
 # an adaptive window.  What one reads too much where a narrow part begins it mostly reads too little where that ends.
 MET, MET_BY_EACH = 0.003, 0.03
-# Of what a narrow part gives to a node that passes it, what any node may be given too much or too little in a window.
-MET_BY_ANY = 0.005
 # Of these, where a window that is too long is to end: before something begins, not a little after.  What begins in the
 # last window of a run is given next to nothing of there, and most of that may be missed.
 STRICT = 0.03
@@ -77,9 +74,9 @@ class _Placed:
     nodes: NDArray[np.intp]
     narrow: float
 
-    def ways(self, before: Level, now: Level) -> Array:
-        """Return the way of each node along the axis along which it is longer, (n,) [m]."""
-        return np.asarray(np.abs(now.x[self.nodes] - before.x[self.nodes]).max(axis=1))
+    def way(self, before: Level, now: Level) -> float:
+        """Return the longest way of a node along an axis [m]."""
+        return float(np.abs(now.x[self.nodes] - before.x[self.nodes]).max(initial=0.0))
 
     def along(self, before: Level, now: Level, parts: Array) -> Array:
         """Return the field at these parts of the straight way of each node."""
@@ -91,11 +88,6 @@ class _Placed:
         a, b = (np.array([s.at(t, side) for s in self.data.signals]) for t, side in ((before.t, 1), (now.t, -1)))
         factors = a[:, None] + parts * (b - a)[:, None]
         return np.asarray(np.einsum("kp,kpn->pn", factors, shapes.reshape(len(a), parts.size, -1)))
-
-    @cached_property
-    def wide(self) -> float:
-        """Return the width of the narrowest part that begins and ends [m]; inf where none does."""
-        return self.narrow if any(at.size > 2 for at in self.data.kinks) else math.inf
 
     def range(self, t: float) -> float:
         """Return how far its tables reach."""
@@ -152,8 +144,7 @@ class PlacedData:
             if parts.size == 1:
                 continue
             reach = max(float(np.ptp(values)), data.range(before.t))
-            ways = data.ways(before, now) / data.wide
-            share = _met_up_to(_Way(parts, values, ways, reach), reads)
+            share = _met_up_to(_Way(parts, values, reach), reads)
             if share < least:
                 least, where = share, data.where
         return least, where
@@ -183,7 +174,7 @@ def _some(nodes: NDArray[np.intp]) -> NDArray[np.intp]:
 
 def _on_the_way(data: _Placed | Faded, before: Level, now: Level) -> tuple[Array, Array]:
     """Return parts of a window and the data at them; the middle alone where nobody moves."""
-    way = float(data.ways(before, now).max(initial=0.0))
+    way = data.way(before, now)
     if way <= STILL * data.narrow:
         parts = np.array([0.5])
     else:
@@ -204,13 +195,10 @@ def _read(parts: Array, values: Array, at: Array) -> Array:
 
 @dataclass(frozen=True)
 class _Way:
-    """values : (n_parts, n) of data at parts of a window.  ways : (n,) of nodes, over the width of their narrowest part
-    that begins and ends.  reach : how far the data reach.
-    """
+    """values : (n_parts, n) of data at parts of a window.  reach : how far the data reach."""
 
     parts: Array
     values: Array
-    ways: Array
     reach: float
 
 
@@ -230,11 +218,8 @@ def _met(on: _Way, share: float, reads: Sequence[float], strict: float = 1.0) ->
     s = np.append(parts[inside], share)
     way = np.concatenate([values[inside], _read(parts, values, np.array([share]))])
     off = _read(parts, values, share * np.asarray(reads)).mean(axis=0) - np.trapezoid(way, s, axis=0) / share
-    # fault: who enters first may be given anything -> any_ = 0.0 | coupler/test_strikes
-    any_ = float((np.abs(off) * share * on.ways).max())
     allowed = strict * on.reach
-    return bool(abs(off.mean()) <= MET * allowed and np.abs(off).mean() <= MET_BY_EACH * allowed
-                and any_ <= MET_BY_ANY * allowed)
+    return bool(abs(off.mean()) <= MET * allowed and np.abs(off).mean() <= MET_BY_EACH * allowed)
 
 
 def _specs(interface: Interface, model: Mapping[str, Any]) -> Iterator[tuple[str, Any, NDArray[np.intp]]]:
