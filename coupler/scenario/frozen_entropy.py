@@ -1,10 +1,15 @@
-"""The scheme `adiabatic` needs a mechanical half that can step at frozen entropy, once in a window."""
+"""The scheme `adiabatic` needs a mechanical half that can step at frozen entropy, once in a window; and what is told of
+the heat of compression.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from typing import Any
 
+import numpy as np
+
+from contact.half.functions import property_from
 from contact.problem.errors import Wrong
 from coupler.scenario.document import Key
 from coupler.scenario.options import Scheme
@@ -47,3 +52,31 @@ def lost_heat(mechanical: Mapping[str, Any], scheme: Scheme) -> list[str]:
         return []
     return ["mechanical.elastic.adiabatic: only windows of the scheme adiabatic heat what is compressed; with scheme: "
             f"{scheme.value} others leave that heat out: add thermoelastic_heat: true"]
+
+
+# The heat capacity of a body that may expand, over that of one that is held, less 1, from which on it is told.
+TOLD = 0.005
+
+
+def held_capacity(mechanical: Mapping[str, Any], thermal: Mapping[str, Any], T: float) -> list[str]:
+    """A sentence for each material whose `c` counts as that of a body that is held, where that makes a difference.
+
+    What warms and expands cools by it: rho c_p = rho c_v + 9 kappa alpha^2 T, kappa the bulk modulus.
+    mechanical, thermal : model.json of the halves.  T [K]: at the start.
+    """
+    # fault: nobody says that a handbook has another heat capacity -> if True: | coupler/test_frozen_entropy
+    if not mechanical.get("thermoelastic_heat"):
+        return []
+    found = []
+    for name, m in mechanical.get("materials", {}).items():
+        heat = thermal.get("materials", {}).get(name, {})
+        values = [m.get("E"), m.get("nu"), m.get("alpha"), heat.get("c"), heat.get("rho")]
+        if any(v is None or (isinstance(v, Mapping) and "solid" in v) for v in values):
+            continue
+        E, nu, alpha, c, rho = (float(property_from(v)(np.array([T]))[0]) for v in values)
+        more = 9.0 * E / (3.0 * (1.0 - 2.0 * nu)) * alpha**2 * T / (rho * c) if nu < 0.5 else 0.0
+        if more > TOLD:
+            found.append(f"material {name}: with thermoelastic_heat `c` is the heat capacity of what is held and does "
+                         f"not expand. Where it may, it takes {100.0 * more:.3g} % more heat; if {c:g} J/kgK is that "
+                         f"of a handbook (at constant pressure), write {c * (1.0 - more):.4g}")
+    return found

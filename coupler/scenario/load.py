@@ -29,7 +29,7 @@ from coupler.scenario.document import (
     read_document,
     scenario_error,
 )
-from coupler.scenario.frozen_entropy import frozen_entropy_wrong, lost_heat
+from coupler.scenario.frozen_entropy import frozen_entropy_wrong, held_capacity, lost_heat
 from coupler.scenario.kinds import OWN, REPLAY, check_kind, fmu_path, understood_by
 from coupler.scenario.mesh import mesh_path
 from coupler.scenario.notes import contact_notes, mean_T0, scaled_temperatures, sign_notes, thermal_notes
@@ -136,6 +136,8 @@ class Scenario:
             found += unlikely(self.stated, self.interface, self.units)
             found += unlikely_loads(self.stated, self.units)
         found += lost_heat(self.models["mechanical"], self.coupling.scheme)
+        found += held_capacity(self.models["mechanical"], self.models["thermal"],
+                               mean_T0(self.models["thermal"], self.interface))
         found += moves_on(self.models["mechanical"], self.coupling.steady)
         thermal = self.models["thermal"]
         if self.temperature_unit != "K":

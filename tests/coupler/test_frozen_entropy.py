@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from coupler import ScenarioError, load_scenario
+from coupler import ScenarioError, load_scenario, run
 from coupler.scenario.options import Scheme
 
 pytestmark = pytest.mark.usefixtures("unlooked")
@@ -93,3 +93,34 @@ def test_heat_of_compression_that_other_schemes_leave_out_is_told(tmp_path, sche
     path = file_of(tmp_path, ("scheme: adiabatic", f"scheme: {scheme}"),
                    ("{adiabatic: true, ", f"{{adiabatic: true, {more}"))
     assert bool([note for note in load_scenario(path).notes if "leave that heat out" in note]) == told
+
+
+def capacities(path: Path) -> list[str]:
+    return [note for note in load_scenario(path).notes if "thermoelastic_heat `c`" in note]
+
+
+def test_a_heat_capacity_of_what_is_held_is_told(tmp_path):
+    """9 kappa alpha^2 T/(rho c) = 9 x 166.67 GPa x 1e-10 x 300/(8000 x 500) = 1.125 %: a free body is colder by it."""
+    free = ("scheme: adiabatic", "scheme: auto"), ("{adiabatic: true, ", "{thermoelastic_heat: true, ")
+    note, = capacities(file_of(tmp_path, *free))
+    assert "takes 1.12 % more heat" in note
+    assert "write 494.4" in note
+    assert not capacities(file_of(tmp_path, *free, ("alpha: 1.0e-5, T_ref: 300", "alpha: 1.0e-6, T_ref: 300")))
+    assert not capacities(file_of(tmp_path))
+
+
+def test_a_free_body_of_that_capacity_warms_as_the_handbook_says(tmp_path):
+    """A source of 1 MW/m3 warms it by q t/(rho c_p), to what windows leave."""
+    warmed = []
+    for c in (500.0, 500.0 * (1.0 - 0.01125)):
+        path = file_of(tmp_path, ("scheme: adiabatic", "scheme: iterated"),
+                       ("{adiabatic: true, boundary: [{on: b.left, u_x: 0}, {at: b.left.centre, u_y: 0}]}",
+                        "{thermoelastic_heat: true, boundary: [{on: b.left, u_x: 0}, {on: b.bottom, u_y: 0}]}"),
+                       ("geometry: plane", "geometry: axisymmetric"), ("c: 500", f"c: {c}"),
+                       ("material: m, T0: 300", "material: m, T0: 300, Q_T: 1.0e6"))
+        path.write_text(path.read_text().replace("{on: b.left, u_x: 0}, ", ""))
+        results = run(load_scenario(path), tmp_path / "run.h5")
+        warmed.append(float(results.field("thermal.T")[1][-1].mean() - 300.0))
+    told = 1e6 * 4.0 / (8000 * 500)
+    assert warmed[0] == pytest.approx(told / 1.01125, rel=1e-4)
+    assert warmed[1] == pytest.approx(told, rel=2e-4)
