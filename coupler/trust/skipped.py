@@ -43,6 +43,7 @@ STRICT = 0.03
 # Of the way of a node: a part of the data that is narrower than the way has four of them, down to 1/256 of the way;
 # what is narrower still is a jump, or nothing.
 PIECES, JUMP, MOST_PIECES = 64, 256, 1024
+ROOM = 2**22  # numbers that are held of a datum at once, where there are many nodes
 TRIED = 64  # shares of a window, of which the longest is looked for that skips nothing
 NODES = 400  # of those that read a datum, so many are followed to size windows
 STILL = 1e-3  # of the narrowest part of a field: who moves less in a window reads it as if at rest
@@ -81,13 +82,14 @@ class _Placed:
     def along(self, before: Level, now: Level, parts: Array) -> Array:
         """Return the field at these parts of the straight way of each node."""
         x0, x1 = before.x[self.nodes], now.x[self.nodes]
-        places = x0 + parts[:, None, None] * (x1 - x0)
-        shapes = self.data.shapes(places.reshape(-1, 2))
-        assert shapes is not None, "a field over place"
         # Signals do not bend within a window; at its ends they may jump.
         a, b = (np.array([s.at(t, side) for s in self.data.signals]) for t, side in ((before.t, 1), (now.t, -1)))
-        factors = a[:, None] + parts * (b - a)[:, None]
-        return np.asarray(np.einsum("kp,kpn->pn", factors, shapes.reshape(len(a), parts.size, -1)))
+        return np.array([(a + s * (b - a)) @ self._shapes(x0 + s * (x1 - x0)) for s in parts])
+
+    def _shapes(self, x: Array) -> Array:
+        shapes = self.data.shapes(x)
+        assert shapes is not None, "a field over place"
+        return shapes
 
     def range(self, t: float) -> float:
         """Return how far its tables reach."""
@@ -182,6 +184,7 @@ def _on_the_way(data: _Placed | Faded, before: Level, now: Level) -> tuple[Array
         # fault: a narrow part falls between two points of a long way -> pieces = PIECES |
         #   coupler/test_trust_skipped
         pieces = JUMP if wanted > MOST_PIECES else max(math.ceil(wanted), PIECES)
+        pieces = max(min(pieces, ROOM // max(data.nodes.size, 1)), PIECES)
         parts = np.linspace(0.0, 1.0, pieces + 1)
     return parts, data.along(before, now, parts)
 
