@@ -100,7 +100,7 @@ def test_two_rods_swing_as_they_should(tmp_path):
 
 def test_windows_are_put_back_only_for_errors_that_were_measured(tmp_path):
     """What is carried on from windows before may see a kink that solving in one and in two makes."""
-    results = run(unsaid(two_rods(1.0, end=12.0)), tmp_path / "run.h5")
+    results = run(unsaid(two_rods(1.0, end=30.0)), tmp_path / "run.h5")
     put_back = results.windows[results.windows.verdict == "error too large"]
     assert len(put_back)
     # Once in one, and once in either half.
