@@ -125,8 +125,8 @@ def heat_of_the_start(mechanical: Half) -> list[str]:
     parts = " and ".join(f"{J:.3g} J of {HEATS[n]}" for n, J in made.items() if J > NO_HEAT)
     if not parts:
         return []
-    return [f"the start was found in equilibrium under the loads there: {parts} from this is not in the heat balance. "
-            "A load written {t: [0, 0], value: [0, ...]} acts just after the start"]
+    return [f"the start was found in equilibrium under the loads and fits there: {parts} from this is not in the heat "
+            "balance. A load written {t: [0, 0], value: [0, ...]} acts just after the start; a fit always acts at it"]
 
 
 def what_is_missing(thermal: Half, mechanical: Half, touches: bool) -> list[str]:

@@ -63,7 +63,7 @@ def test_equilibrium_is_asked_for(tmp_path):
     # Friction slips on by a percent where it is solved again.
     assert flow[0] == pytest.approx(flow[-1], rel=2e-2)
     (note,) = [note for note in asked.header["notes"] if "in equilibrium" in note]
-    assert "the start was found in equilibrium under the loads there: " in note
+    assert "the start was found in equilibrium under the loads and fits there: " in note
     assert "not in the heat balance" in note
 
 
