@@ -57,7 +57,7 @@ class Observer:
                                  scenario.coupling.scheme is Scheme.ITERATED, _fits(scenario),
                                  scenario.coupling.substeps["thermal"],
                                  slight_errors(interface, scenario.models, scenario.coupling),
-                                 self.probes.mechanical, scenario.probes)
+                                 self.probes.mechanical, scenario.probes, scenario.rules)
         self.watched = self.probes.measurable if units else self._watch.means
         self.conditions = ConditionReader(scenario.conditions, self._both)
         self.outputs = ExtraOutputs(halves, interface)
@@ -107,16 +107,17 @@ class Observer:
         self.choice = self.choice.begun(now)
         self._look_at_equilibrium(look, now.t, at_end)
 
-    def judge(self, tried: Tried, before: Level, fresh: bool, rules_act: bool) -> None:
+    def judge(self, tried: Tried, before: Level, fresh: bool) -> None:
         """Note what an accepted window says of whether the run can be trusted.
 
-        before : at its start.  fresh : it begins at a kink of the data.  rules_act : there are rules that act.
+        before : at its start.  fresh : it begins at a kink of the data.
         """
         self.trust = self._watch.after(
             self.trust, (before, tried.solved.state.now), Ledger().after(tried.solved.terms).everything,
             fresh=fresh, forced=tried.forced, looked=tried.looked,
             inputs=tried.before.settings.inputs.get("thermal", {}), monitors=tried.solved.monitors, reads=tried.reads)
-        if rules_act:
+        # fault: nobody holds drives to their targets -> if False: | coupler/test_trust_drives
+        if self._scenario.rules:
             self.trust = self._watch.acted(self.trust, tried.acted)
 
     def judge_rejected(self, tried: Tried) -> None:

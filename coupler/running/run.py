@@ -240,7 +240,7 @@ class Run:
             if tried.accepted:
                 notes = (*notes, *self._warnings.after(self.state.now, tried.solved.state.now),
                          *self._noticed_of(tried))
-                self._observer.judge(tried, self.state.now, self.state.now.t in kinks, bool(self.plan.instants))
+                self._observer.judge(tried, self.state.now, self.state.now.t in kinks)
                 self.ledger = self.ledger.after(tried.solved.terms)
             else:
                 self._observer.judge_rejected(tried)

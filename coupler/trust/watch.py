@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from contact.half.interface import Interface
 from coupler.scenario.probes import Probe
+from coupler.scenario.rule_model import Rule
 from coupler.scenario.scales import left_of_nothing
 from coupler.scenario.thermal_data import TemperatureData
 from coupler.schemes.ledger import NO_TERMS, imbalance
@@ -23,6 +24,7 @@ from coupler.trust import (
     at_nodes,
     carried,
     delivered,
+    drives,
     energy,
     equilibrium,
     errors,
@@ -92,6 +94,7 @@ class TrustLog:
     motion: motion.MotionLog = field(default_factory=motion.MotionLog)
     energy: energy.EnergyLog = field(default_factory=energy.EnergyLog)
     instants: instants.InstantLog = field(default_factory=instants.InstantLog)
+    drives: drives.DriveLog = field(default_factory=drives.DriveLog)
     skipped: skipped.SkippedLog = field(default_factory=skipped.SkippedLog)
     ways: ways.WaysLog = field(default_factory=ways.WaysLog)
     windows: int = 0
@@ -109,15 +112,16 @@ class TrustWatch:
                  own_meshes: Collection[str] = (), ignored: Collection[str] = (), substeps: int = 1,
                  iterated: bool = False, fits: Mapping[str, Any] | None = None, looks: int = 1,
                  slight: Mapping[str, float] = NOTHING, moving: Mask | None = None,
-                 stress: Mapping[str, Probe] | None = None) -> None:
+                 stress: Mapping[str, Probe] | None = None, rules: Sequence[Rule] = ()) -> None:
         """models : of the halves (model.json).  probes : name -> unit; none: mean temperatures of bodies stand for
         them (`means`).  adaptive : whether windows find their own size.  own_meshes : the roles of halves on one.
         ignored : paths of the scene that the thermal half may leave out.  substeps : of the mechanical half in a
         window.  iterated : whether every window is.  fits : pair -> its clearance or interference, as stated.  looks :
         substeps of the thermal half in a window.  slight : unit -> an error that harms nobody [SI].
         moving : (n,) which of the probes the mechanical half makes.  stress : probes by name, those that read a
-        stress among them.
+        stress among them.  rules : of the scenario.
         """
+        self._driving = drives.always_on(rules)
         self._slight = slight
         self._iterated = iterated
         self._own_meshes = frozenset(own_meshes)
@@ -246,7 +250,8 @@ class TrustWatch:
 
     def acted(self, log: TrustLog, acted: instants.Acted) -> TrustLog:
         """Return the log after rules were asked at the end of a window that was taken."""
-        return replace(log, instants=instants.watched(log.instants, acted))
+        return replace(log, instants=instants.watched(log.instants, acted),
+                       drives=drives.watched(log.drives, acted, self._driving))
 
     def mended(self, log: TrustLog, found: stability.Mended, t: float, H: float) -> TrustLog:
         """Return the log after a window of H to t [s] was put back because the exchange rings in it."""
@@ -305,6 +310,7 @@ class TrustWatch:
             *delivered.left_checks(handed, left, totals),
             *solved.checks(log.solved),
             *instants.checks(log.instants, rules),
+            *drives.checks(log.drives, self._driving),
             measured("windows solved to their tolerance", log.over + log.unconverged * log.windows,
                      (0.0, over), unit="tolerances", t=log.forced_t,
                      what=f"{log.forced} of {log.windows} windows were accepted although they did not converge or "
