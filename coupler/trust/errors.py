@@ -174,12 +174,12 @@ def watched(log: ErrorLog, seen: Looked, t: float, *, fresh: bool = False) -> Er
     bend = np.maximum(seen.second, CHANGE * np.abs(log.values - before))
     # fault: a look at a switch of contact is taken for the rest -> apart = np.zeros(len(bend), dtype=bool) |
     #   coupler/test_trust_errors
-    apart, whole = _jumps(log, seen.second, H, fresh or seen.by_itself) | seen.switch, bend
+    apart = _jumps(log, seen.second, H, fresh or seen.by_itself) | seen.switch
     log = _looked_at(log, seen, t, bend, apart) if seen.error.size else _to_carry_on(log, seen, H, bend, apart)
     curve = log.curve if seen.switch and log.curve.size else seen.second / H**2
     shifts = time_shift.watched(log.shifts, t, log.values, seen.turning, seen.shift, seen.switch)
     log = replace(log, curve=curve, shifts=shifts,
-                  phases=phases.watched(log.phases, log.values - before, H, whole, fresh))
+                  phases=phases.watched(log.phases, log.values - before, H, bend, fresh))
     return replace(log, told=np.maximum(log.told, _now(log)))
 
 
@@ -238,7 +238,7 @@ def _moved(log: ErrorLog, seen: Looked, t: float, fresh: bool) -> ErrorLog:
     pace = went if fresh else np.maximum(went, math.exp(-1.0 / PATIENCE) * log.pace)
     scale = np.maximum(high - low, SOLVED * most + 1e-300)
     before, now = (float(np.linalg.norm(v / scale)) for v in (log.pace, pace))
-    # fault: what dies out by itself is told as if it stayed -> left = 1.0 | coupler/test_trust_errors
+    # fault: what dies out by itself is told as if it stayed -> falls = 1.0 | coupler/test_trust_errors
     falls = min(now / before, 1.0) if before > 0.0 and not fresh else 1.0
     # fault: what moves with inertia forgets its errors as its speed falls -> left = np.full(len(values), falls) |
     #   coupler/test_trust_phases
@@ -279,7 +279,7 @@ def _now(log: ErrorLog) -> Array:
     mild, bent = log.milder.T
     ratios = np.where(bent > 0.0, np.divide(mild, bent, out=np.zeros(len(bend)), where=bent > 0.0), ratios)
     alone = np.where(bend > 0.0, np.minimum(ratios, MOST), 0.0) * log.rest.sum(axis=1)
-    # fault: smooth windows have no error where every look met a switch -> return log.known + apart + smooth |
+    # fault: smooth windows have no error where every look met a switch -> total = log.known + apart + smooth |
     #   coupler/test_trust_errors
     total = log.known + apart + np.where(log.bends.any(axis=1), smooth, alone)
     errors, bends = log.errors.sum(axis=1) + error, log.bends.sum(axis=1) + bend
