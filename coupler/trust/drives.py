@@ -101,6 +101,6 @@ def checks(log: DriveLog, rules: Sequence[Rule]) -> tuple[Check, ...]:
               f"Give the load wider bounds than {drive.least:g} to {drive.most:g}, or the drive more time or a "
               "smaller `lag`")
     return (measured(NAME, shares[name], (NOTE_AT, math.inf), remedy=remedy,
-                     what=f"rule {name} misses its target for {drive.monitor}, {drive.target:g}, by "
+                     what=f"rule {name} misses its target for {drive.monitor} by "
                           f"{100.0 * shares[name]:.3g} % of the range of that in the mean, what came late counting "
                           f"most; {how}"),)
