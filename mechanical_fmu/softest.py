@@ -117,7 +117,7 @@ def _in_a_row(system: System, stress: list[Floats], loading: Loading) -> float:
 def motion_stress(system: System, u: Floats, dx: Floats, loading: Loading) -> tuple[list[Floats], list[Floats]]:
     """Return the stress [Pa], (n_e, nq, 4), and dilatation of a small motion dx : (n_nodes, 2) [m], of each kind.
 
-    By linear elasticity, of the change of the strain of Green and Lagrange: a motion that only turns bodies has none.
+    By linear elasticity, of the change of strain from what is deformed now: a motion that only turns bodies has none.
     """
     kinds, moduli = system.volume.kinds, loading.moduli
     largest = max([float(np.abs(np.einsum("eqaj,eai->eqij", c.B, dx[c.nodes])).max()) for c in kinds if c.nodes.size],
@@ -126,9 +126,31 @@ def motion_stress(system: System, u: Floats, dx: Floats, loading: Loading) -> tu
         return [np.zeros((*c.weight.shape, 4)) for c in kinds], [np.zeros(c.weight.shape) for c in kinds]
     step = STRAIN / largest
     ahead, behind = (system.volume.stress(u + side * step * dx, moduli, loading.step) for side in (1.0, -1.0))
-    strain = [(a - b) / (2.0 * step) for (_, a), (_, b) in zip(ahead, behind, strict=True)]
+    strain = [_of_lengths_now((a - b) / (2.0 * step), 0.5 * (a + b))
+              for (_, a), (_, b) in zip(ahead, behind, strict=True)]
     return ([_linear(c, of, m) for c, of, m in zip(kinds, strain, moduli, strict=True)],
             [of[..., [0, 1, 3]].sum(axis=-1) for of in strain])
+
+
+def _of_lengths_now(change: Floats, strain: Floats) -> Floats:
+    """Return (n_e, nq, 4) the change of the strain of Green and Lagrange, dE, of the lengths that bodies have now.
+
+    U^-1 dE U^-1, U U = 1 + 2 E : its trace is the share by which a volume changes.  That of dE is not, where strain is
+    large: cells of rubber that keep their volume would resist with their bulk modulus.
+    """
+    # fault: a motion that keeps volume at large strain is resisted by the bulk modulus -> C = 1.0 + 0.0 * strain |
+    #   mechanical_fmu/test_softest
+    C = 1.0 + 2.0 * strain
+    a, b, c, shear = C[..., 0], C[..., 1], C[..., 3], C[..., 2] - 1.0
+    # U = (C + det U)/tr U in the plane.
+    det = np.sqrt(np.maximum(a * b - shear**2, np.finfo(float).tiny))
+    trace = np.sqrt(a + b + 2.0 * det)
+    inverse = np.empty((*a.shape, 2, 2))
+    inverse[..., 0, 0], inverse[..., 1, 1] = b + det, a + det
+    inverse[..., 0, 1] = inverse[..., 1, 0] = -shear
+    inverse /= (trace * det)[..., None, None]
+    plane = inverse @ change[..., [0, 2, 2, 1]].reshape(*a.shape, 2, 2) @ inverse
+    return np.stack([plane[..., 0, 0], plane[..., 1, 1], plane[..., 0, 1], change[..., 3] / c], axis=-1)
 
 
 def _linear(cells: Cells, strain: Floats, m: Moduli) -> Floats:

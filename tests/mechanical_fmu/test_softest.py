@@ -14,7 +14,7 @@ sys.path.insert(0, str(Path(__file__).parent))
 from mechanical_scenes import NoLink, block, elastic, hold, inputs_of
 
 from mechanical_fmu.newton import with_tangent
-from mechanical_fmu.softest import stiffness_off
+from mechanical_fmu.softest import motion_stress, stiffness_off
 from mechanical_fmu.system import Loading
 from mechanical_fmu.tangent import constrained, stiffness
 from mechanical_fmu.unstable import NAME, SOFT
@@ -80,6 +80,37 @@ def test_what_goes_from_cell_to_cell_is_no_motion_of_a_body():
                    {"E": 5e9, "nu": 0.45, "alpha": 5e-5, "T_ref": 300.0})
     told = half.start(inputs_of(half, 1500.0), 0.0, NoLink())[1]
     assert (told[NAME], told[SOFT]) == (0.0, 0.0)
+
+
+@pytest.mark.parametrize("cells", [(8, 4), (16, 8)])
+def test_rubber_that_is_squeezed_far_keeps_what_it_resists_with(cells):
+    """A pad glued to plates, a fifth of its height pressed out at its sides: a mesh of four times the cells says 0.00.
+
+    Motions that keep its volume are not resisted by its bulk modulus, which is 50 times the shear modulus.
+    """
+    half = elastic(block(np.linspace(0.0, 0.04, cells[0] + 1), np.linspace(0.0, 0.02, cells[1] + 1)), [
+        hold("block.bottom", 0), hold("block.bottom", 1), hold("block.top", 0), hold("block.top", 1, -0.004)],
+        {"E": 2e6, "nu": 0.49, "rho": 1100.0})
+    told = half.start(inputs_of(half), 0.0, NoLink())[1]
+    assert told[NAME] == 0.0
+    assert abs(told[SOFT]) < 0.1
+
+
+@pytest.mark.parametrize("state", [{}, {"element": "enhanced"}])
+def test_stress_of_a_motion_is_that_of_the_lengths_there_are_now(state):
+    """A block drawn to twice its length and turned: d log of its lengths, whatever these are."""
+    half = elastic(block(np.linspace(0.0, 1.0, 3), np.linspace(0.0, 1.0, 3)), [hold("block.bottom", 0)],
+                   {"E": 3.0, "nu": 0.25}, **state)
+    system, (c, s) = half.system, (np.cos(0.7), np.sin(0.7))
+    turn, X = np.array([[c, -s], [s, c]]), half.system.interface.nodes
+    loading = Loading(system.moduli(np.full(len(X), 293.15)), np.zeros(system.constraints.fixed.size), np.zeros(0),
+                      None)
+    u = X * (2.0, 0.6) @ turn.T - X
+    stress, dilatation = motion_stress(system, u, X * (2.0 * 0.02, 0.6 * -0.03) @ turn.T, loading)
+    mu, la = 1.2, 1.2
+    assert np.concatenate(dilatation) == pytest.approx(-0.01, rel=1e-5)
+    assert np.concatenate(stress)[..., 0] == pytest.approx(2.0 * mu * 0.02 - la * 0.01, rel=1e-5)
+    assert np.concatenate(stress)[..., 1] == pytest.approx(-2.0 * mu * 0.03 - la * 0.01, rel=1e-5)
 
 
 def test_of_a_single_row_of_quads_of_one_dilatation_nothing_is_said():
