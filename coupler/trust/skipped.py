@@ -44,6 +44,7 @@ STRICT = 0.03
 # what is narrower still is a jump, or nothing.
 PIECES, JUMP, MOST_PIECES = 64, 256, 1024
 ROOM = 2**22  # numbers that are held of a datum at once, where there are many nodes
+AT_ONCE = 2**14  # numbers of a datum that are worked out at once
 TRIED = 64  # shares of a window, of which the longest is looked for that skips nothing
 NODES = 400  # of those that read a datum, so many are followed to size windows
 STILL = 1e-3  # of the narrowest part of a field: who moves less in a window reads it as if at rest
@@ -84,7 +85,15 @@ class _Placed:
         x0, x1 = before.x[self.nodes], now.x[self.nodes]
         # Signals do not bend within a window; at its ends they may jump.
         a, b = (np.array([s.at(t, side) for s in self.data.signals]) for t, side in ((before.t, 1), (now.t, -1)))
-        return np.array([(a + s * (b - a)) @ self._shapes(x0 + s * (x1 - x0)) for s in parts])
+        # Many parts at once where nodes are few: one by one, parts take their time, and all at once, room.
+        several = max(AT_ONCE // max(self.nodes.size, 1), 1)
+        return np.concatenate([self._values(x0, x1, a, b, parts[k:k + several])
+                               for k in range(0, parts.size, several)])
+
+    def _values(self, x0: Array, x1: Array, a: Array, b: Array, parts: Array) -> Array:
+        x = (x0 + parts[:, None, None] * (x1 - x0)).reshape(-1, 2)
+        shapes = self._shapes(x).reshape(a.size, parts.size, len(x0))
+        return np.asarray(np.einsum("pk,kpn->pn", a + parts[:, None] * (b - a), shapes))
 
     def _shapes(self, x: Array) -> Array:
         shapes = self.data.shapes(x)
