@@ -210,13 +210,15 @@ def step(halves: Halves, at: Committed, plan: Plan) -> Tried:
     with SavedStates(halves, t0, control.number + 1) as saved:
         solved = solve_once(halves, at.state, span, options, saved)
         error, in_one = _carried(at, plan, span, solved), np.empty(0)
-        skips = [solved.taken and skipped(Attempt(plan, at, span, solved), n)[0] < 1.0 for n in (1, 2)]
+        skips = solved.taken and skipped(Attempt(plan, at, span, solved), 1)[0] < 1.0
         # fault: windows are put back for errors that nobody measured -> measured = error is None |
         #   coupler/test_defaults
-        measured = error is None or error.error > 1.0 or skips[0]
-        # fault: a window of one tick is halved -> if plan.adaptive and solved.taken and measured: |
+        measured = error is None or error.error > 1.0 or skips
+        # fault: a window of one tick is halved -> measured = measured and plan.adaptive is not None and solved.taken |
         #   coupler/test_control
-        if plan.adaptive and solved.taken and measured and not skips[1] and can_halve(span):
+        measured = measured and plan.adaptive is not None and solved.taken and can_halve(span)
+        # Two halves that skip as much are not worth their solves.
+        if measured and skipped(Attempt(plan, at, span, solved), 2)[0] >= 1.0:
             solved = _in_one(halves, at.state, span, options, saved, solved)
             in_one = plan.watched(solved.state.now)
             solved = doubled(halves, at.state, span, options, saved, solved)

@@ -34,7 +34,8 @@ class PhaseLog:
     """Of n probes, (n,) each in SI.
 
     lasts : whose errors do not die out; (0,): nobody's.  slope [1/s], curve [1/s2] : of the last window, with their
-    signs.  seconds, thirds : sums of |H^2 v''| and |H^3 v'''|.  bends, squares : sums of what windows bend by
+    signs; nan where no window before tells them.  seconds, thirds : sums of |H^2 v''| and |H^3 v'''| of windows
+    that tell both.  bends, squares : sums of what windows bend by
     (coupler.trust.errors), and of its squares.
     """
 
@@ -51,8 +52,8 @@ def begun(lasts: Mask) -> PhaseLog:
     """Return the log at the start.  lasts : (n,) whether the errors of a probe do not die out."""
     if not lasts.any():
         return PhaseLog()
-    none = np.zeros(len(lasts))
-    return PhaseLog(lasts, none, none, none, none, none, none)
+    none, unknown = np.zeros(len(lasts)), np.full(len(lasts), np.nan)
+    return PhaseLog(lasts, unknown, unknown, none, none, none, none)
 
 
 def watched(log: PhaseLog, went: Array, H: float, bend: Array, fresh: bool) -> PhaseLog:
@@ -64,11 +65,12 @@ def watched(log: PhaseLog, went: Array, H: float, bend: Array, fresh: bool) -> P
     if not log.lasts.size:
         return log
     slope = went / H
-    if fresh:
-        curve, third, second = np.zeros_like(slope), np.zeros_like(slope), np.zeros_like(slope)
-    else:
-        curve = (slope - log.slope) / H
-        third, second = np.abs(curve - log.curve) * H**2, np.abs(curve) * H**2
+    # fault: differences that reach over a kink count as those of a fast wave -> curve = (slope - log.slope) / H |
+    #   coupler/test_trust_phases
+    curve = (slope - (np.nan if fresh else log.slope)) / H
+    third = np.abs(curve - log.curve) * H**2
+    known = np.isfinite(third)
+    third, second = np.where(known, third, 0.0), np.where(known, np.abs(curve) * H**2, 0.0)
     return replace(log, slope=slope, curve=curve, seconds=log.seconds + second, thirds=log.thirds + third,
                    bends=log.bends + bend, squares=log.squares + bend**2)
 

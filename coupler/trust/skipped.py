@@ -120,8 +120,7 @@ class PlacedData:
         # fault: what fades with a gap is not followed -> over_gaps = () | coupler/test_trust_skipped
         over_gaps = tuple(faded(interface, model))
         self._fields: tuple[_Placed | Faded, ...] = (*placed, *over_gaps)
-        self._few: tuple[_Placed | Faded, ...] = (*(replace(f, nodes=_some(f.nodes)) for f in placed),
-                                                  *(replace(f, nodes=_some(f.nodes)) for f in over_gaps))
+        self._few = tuple(replace(f, nodes=_some(f.nodes)) for f in self._fields)
         self._n = max(len(interface.node_body), interface.pair_nodes.size)
 
     def watched(self, log: SkippedLog, before: Level, now: Level, reads: Sequence[float] = MIDDLE) -> SkippedLog:

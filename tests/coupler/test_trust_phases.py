@@ -10,7 +10,7 @@ import pytest
 from numpy.typing import NDArray
 
 from coupler import load_scenario, run
-from coupler.trust import course, errors
+from coupler.trust import course, errors, phases
 from coupler.trust.errors import Looked
 
 Array = NDArray[np.float64]
@@ -81,6 +81,21 @@ def test_what_does_not_move_with_inertia_forgets(lasts: bool, all_of_it: float) 
         path, second = course.after(path, t[k + 1], v[k + 1:k + 2])
         log = errors.watched(log, Looked(v[k + 1:k + 2], second, 1e-3 * v[k:k + 1]), t[k + 1])
     assert float(errors.estimated(log)[0]) == pytest.approx(1e-3 * all_of_it, rel=0.01)
+
+
+@pytest.mark.parametrize("every", [3, 5, 20])
+def test_kinks_of_the_data_make_no_wave_faster(every: int) -> None:
+    """A body on a table with many points: differences that reach back over one of these tell nothing of its waves."""
+    k = np.arange(601)
+    wave, table = np.cos(0.3 * k), 20.0 * np.abs((k / every) % 2.0 - 1.0)
+    fast = []
+    for kinks in (0.0, 1.0):
+        went, log = np.diff(wave + kinks * table), phases.begun(np.array([True]))
+        for n, step in enumerate(went):
+            log = phases.watched(log, np.array([step]), 1.0, np.ones(1), bool(kinks) and n % every == 0)
+        fast.append(float(log.thirds[0] / log.seconds[0]))
+    assert fast[0] == pytest.approx(2.0 * math.sin(0.15), rel=1e-2)
+    assert fast[1] == pytest.approx(fast[0], rel=0.05)
 
 
 STRIP = """
