@@ -4,8 +4,8 @@
 
 Scenes by each scheme in equal windows of several sizes; true: the largest distance of a probe from a run by `iterated`
 in windows 5 to 50 times as short as the shortest.  Probes that are off by less than 0.1 % of their range tell nothing.
-`run`: what the run tells by itself (coupler/trust/errors.py).  `companions`: --confidence.  `passed`: runs that are off
-by more than 12 % of a range, and none of whose checks is broken.
+`run`: what the run tells by itself (coupler/trust/in_time/errors.py).  `companions`: --confidence.  `passed`: runs
+that are off by more than 12 % of a range, and none of whose checks is broken.
 """
 
 from __future__ import annotations

@@ -19,7 +19,7 @@ from coupler.rules.engine import Firing
 from coupler.scenario.options import OnMax, Seen
 from coupler.schemes.schemes import read_at
 from coupler.schemes.state import Solved, Span, Verdict
-from coupler.trust.ways import AHEAD, SHARE
+from coupler.trust.surfaces.ways import AHEAD, SHARE
 
 # A rejected window is tried again, shorter: by how much, and when the run stops instead.
 

@@ -35,7 +35,7 @@ from coupler.schemes.scheme import Exchange, OfLevels
 from coupler.schemes.schemes import scheme_of, with_mode
 from coupler.schemes.state import NO_WORK, CoupledState, Halves, Solved, Span
 from coupler.schemes.sweep import DiscardError, Swept, mechanical_first, mechanical_pass, thermal_pass
-from coupler.trust.stability import GROWS, RINGS
+from coupler.trust.in_time.stability import GROWS, RINGS
 
 Array = NDArray[np.float64]
 

@@ -16,7 +16,7 @@ from coupler.control.two_cycle import Watch
 from coupler.errors import CouplingError
 from coupler.scenario.options import OnUnstable, Scheme, Seen
 from coupler.schemes.schemes import scheme_of
-from coupler.trust.stability import GROWS, RINGS
+from coupler.trust.in_time.stability import GROWS, RINGS
 
 # What m is brought to: by so much short of ringing, because the laws of one mode are not those of many.
 AIM = -0.9 * RINGS

@@ -23,10 +23,10 @@ from coupler.control.state import Committed, ControlState, first, monitors, open
 from coupler.rules.engine import Firing
 from coupler.scenario.options import Adaptive, OnMax, Scheme, Seen
 from coupler.schemes.state import CoupledState, Halves, Settings, Solved, Span, Verdict
-from coupler.trust.errors import Looked
-from coupler.trust.instants import Acted
-from coupler.trust.stability import Mended
-from coupler.trust.time_shift import Turning, turning
+from coupler.trust.in_time.errors import Looked
+from coupler.trust.in_time.instants import Acted
+from coupler.trust.in_time.stability import Mended
+from coupler.trust.in_time.time_shift import Turning, turning
 
 # Where the next window ends, before it has been solved, and why there.
 
@@ -103,7 +103,7 @@ def _adaptive(plan: Plan, limits: Adaptive, control: ControlState) -> Proposal:
 
 
 def _followed(plan: Plan, at: Committed, proposal: Proposal) -> Proposal:
-    """The window, ended before one surface passes another unseen (coupler.trust.ways)."""
+    """The window, ended before one surface passes another unseen (coupler.trust.surfaces.ways)."""
     if plan.adaptive is None or plan.ways is None:
         return proposal
     clock, k0 = plan.schedule.clock, at.control.tick

@@ -20,8 +20,8 @@ from coupler.scenario.rule_model import Rule
 from coupler.schemes.levels import Level
 from coupler.schemes.schedule import Schedule
 from coupler.schemes.state import Settings
-from coupler.trust.skipped import PlacedData
-from coupler.trust.ways import Ways
+from coupler.trust.surfaces.skipped import PlacedData
+from coupler.trust.surfaces.ways import Ways
 
 
 @dataclass(frozen=True)

@@ -23,11 +23,11 @@ from coupler.schemes.accounts import AHEAD, EnergyAccount
 from coupler.schemes.scheme import Sees
 from coupler.schemes.schemes import scheme_of
 from coupler.schemes.state import CoupledState, Halves, Solved, Span
-from coupler.trust import course, time_shift
-from coupler.trust.course import Course
-from coupler.trust.errors import Looked
-from coupler.trust.rhythm import MOST_PERIOD
-from coupler.trust.time_shift import Shift
+from coupler.trust.in_time import course, time_shift
+from coupler.trust.in_time.course import Course
+from coupler.trust.in_time.errors import Looked
+from coupler.trust.in_time.rhythm import MOST_PERIOD
+from coupler.trust.in_time.time_shift import Shift
 
 Array = NDArray[np.float64]
 

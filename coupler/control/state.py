@@ -13,7 +13,7 @@ from coupler.rules import engine as rules
 from coupler.schemes.ledger import Ledger
 from coupler.schemes.state import CoupledState, Settings, Solved, Span
 from coupler.schemes.sweep import OF_A_SUBSTEP
-from coupler.trust.courses import Course
+from coupler.trust.surfaces.courses import Course
 
 
 @dataclass(frozen=True)

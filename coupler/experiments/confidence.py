@@ -28,7 +28,7 @@ from coupler.scenario.options import Scheme
 from coupler.scenario.quantities import with_overrides
 from coupler.schemes.accounts import AHEAD, HEATS
 from coupler.schemes.schemes import scheme_of
-from coupler.trust.confidence import MESH, WINDOWS, ProbeConfidence
+from coupler.trust.in_time.confidence import MESH, WINDOWS, ProbeConfidence
 from coupler.verify.verdicts import Verify
 
 Array = NDArray[np.float64]

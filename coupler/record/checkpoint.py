@@ -47,7 +47,7 @@ from coupler.scenario.conditions import ConditionOutput
 from coupler.scenario.document import plain_value
 from coupler.scenario.rule_model import Rule
 from coupler.schemes.ledger import Ledger
-from coupler.trust.watch import TrustLog
+from coupler.trust.table.log import TrustLog
 
 KIND, MAGIC = b"SLIDELINE-CHECKPOINT-", b"SLIDELINE-CHECKPOINT-2\n"
 _HEAD = struct.Struct("<32sQ")

@@ -10,7 +10,7 @@ import h5py
 
 from coupler.errors import ResultsError
 from coupler.record.checksums import FORMAT_BOUNDS, close_texts, put
-from coupler.trust.confidence import NAME, ProbeConfidence, check
+from coupler.trust.in_time.confidence import NAME, ProbeConfidence, check
 
 GROUP = "confidence"
 ATTRIBUTES = ("by", "order", "expected", "range", "unit", "failed")

@@ -39,7 +39,7 @@ from coupler.record.tables import (
 from coupler.record.vtkhdf import FieldReader, FileField, in_plane
 from coupler.scenario.conditions import ConditionOutput, condition_output
 from coupler.trust.checks import Check, broken
-from coupler.trust.errors import ProbeError
+from coupler.trust.in_time.errors import ProbeError
 
 Array = NDArray[np.float64]
 

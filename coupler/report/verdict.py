@@ -1,7 +1,7 @@
 """Whether two runs of one scene say the same: the scene first, then probes and fields against what is allowed.
 
-What is allowed is what was asked for, or what both runs say they may be off by (coupler.trust.errors), but never less
-than a part of the values that no estimate of windows sees: tolerances of solvers.
+What is allowed is what was asked for, or what both runs say they may be off by (coupler.trust.in_time.errors), but
+never less than a part of the values that no estimate of windows sees: tolerances of solvers.
 """
 
 from __future__ import annotations

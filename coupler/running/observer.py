@@ -25,13 +25,14 @@ from coupler.schemes.ledger import Ledger
 from coupler.schemes.levels import Level
 from coupler.schemes.state import CoupledState, Halves
 from coupler.trust.checks import Check
-from coupler.trust.equilibrium import OUTPUT as STABLE
-from coupler.trust.equilibrium import SOFT
-from coupler.trust.extremes import extreme_outputs
-from coupler.trust.heat_mesh import heat_mesh_outputs
-from coupler.trust.mesh import mesh_outputs
-from coupler.trust.peak_stress import stress_outputs
-from coupler.trust.watch import TrustLog, TrustWatch
+from coupler.trust.in_space.extremes import extreme_outputs
+from coupler.trust.in_space.heat_mesh import heat_mesh_outputs
+from coupler.trust.in_space.mesh import mesh_outputs
+from coupler.trust.in_space.peak_stress import stress_outputs
+from coupler.trust.laws.equilibrium import OUTPUT as STABLE
+from coupler.trust.laws.equilibrium import SOFT
+from coupler.trust.table.log import TrustLog
+from coupler.trust.table.watch import TrustWatch
 
 Array = NDArray[np.float64]
 

@@ -31,8 +31,8 @@ from coupler.schemes.levels import Level
 from coupler.schemes.schedule import schedule
 from coupler.schemes.schemes import scheme_of
 from coupler.schemes.state import ELASTIC_STRAIN, CoupledState, Halves, wanted_outputs
-from coupler.trust.skipped import PlacedData
-from coupler.trust.ways import Ways
+from coupler.trust.surfaces.skipped import PlacedData
+from coupler.trust.surfaces.ways import Ways
 
 Array = NDArray[np.float64]
 

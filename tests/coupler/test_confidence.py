@@ -23,7 +23,7 @@ from coupler.record.confidence import write_confidence
 from coupler.report.curves import probe_pictures
 from coupler.scenario.load import scenario_from
 from coupler.trust.checks import TrustVerdict
-from coupler.trust.confidence import NAME, ProbeConfidence, check
+from coupler.trust.in_time.confidence import NAME, ProbeConfidence, check
 
 sys.path.insert(0, str(Path(__file__).resolve().parent))
 

@@ -15,7 +15,7 @@ from coupler.record.checksums import DIGEST
 from coupler.record.confidence import write_confidence
 from coupler.record.results import Results
 from coupler.record.vtkhdf import FieldReader
-from coupler.trust.confidence import ProbeConfidence
+from coupler.trust.in_time.confidence import ProbeConfidence
 
 sys.path.insert(0, str(Path(__file__).parent))
 from synthetic_run import Case, write_run

@@ -12,7 +12,7 @@ import pytest
 from contact.half.interface import read_interface
 from coupler import Results, run
 from coupler.errors import ScenarioError
-from coupler.trust import heat_mesh, mesh
+from coupler.trust.in_space import heat_mesh, mesh
 
 sys.path.insert(0, str(Path(__file__).parent))
 from scenario_text import GOOD, load_text

@@ -16,8 +16,8 @@ from coupler.schemes.schedule import clock_with_marks
 from coupler.schemes.scheme import OfLevels
 from coupler.schemes.state import CoupledState, Halves, Settings, Span, wanted_outputs
 from coupler.trust.checks import Check
-from coupler.trust.errors import Looked
-from coupler.trust.stability import StabilityLog, check, watched
+from coupler.trust.in_time.errors import Looked
+from coupler.trust.in_time.stability import StabilityLog, check, watched
 
 sys.path.insert(0, str(Path(__file__).resolve().parent))
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "stability"))

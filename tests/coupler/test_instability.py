@@ -22,8 +22,8 @@ from coupler.schemes.schedule import schedule
 from coupler.schemes.scheme import OfLevels
 from coupler.schemes.schemes import SCHEMES, scheme_of
 from coupler.schemes.state import wanted_outputs
-from coupler.trust import errors, stability
 from coupler.trust.checks import TrustVerdict
+from coupler.trust.in_time import errors, stability
 
 sys.path.insert(0, str(Path(__file__).resolve().parent))
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "stability"))

@@ -10,7 +10,7 @@ import pytest
 from coupler import Results, run
 from coupler.scenario.load import scenario_from
 from coupler.trust.checks import TrustVerdict
-from coupler.trust.steady import NAME
+from coupler.trust.in_time.steady import NAME
 
 L, K, UNIT = 0.1, 10.0, 1e-5  # the gap in units of 10 um; Bi = 1/(eps + gap)
 

@@ -13,7 +13,7 @@ import pytest
 from coupler import run
 from coupler.schemes.levels import Level
 from coupler.trust.checks import Check
-from coupler.trust.penetration import SHARE, PenetrationLog, Yields, check
+from coupler.trust.surfaces.penetration import SHARE, PenetrationLog, Yields, check
 
 sys.path.insert(0, str(Path(__file__).parent))
 from scenario_text import GOOD, load_text

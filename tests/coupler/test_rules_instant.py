@@ -15,8 +15,8 @@ from coupler.scenario.load import scenario_from
 from coupler.scenario.options import Scheme
 from coupler.scenario.rule_model import Change, Give, Passed, Retry, Rule, Stop, Substeps, Test, UseScheme, When
 from coupler.scenario.rule_model import Of as What
-from coupler.trust import instants
-from coupler.trust.instants import NAME, Acted, InstantLog
+from coupler.trust.in_time import instants
+from coupler.trust.in_time.instants import NAME, Acted, InstantLog
 
 OFF = (Give("thermal", "load.heater", Change(to=0.0)),)
 HOT = Test("T", above=400.0)

@@ -23,8 +23,8 @@ from coupler.schemes.accounts import EnergyAccount
 from coupler.schemes.levels import Level
 from coupler.schemes.schedule import schedule
 from coupler.schemes.state import CoupledState
-from coupler.trust.course import after, begun
-from coupler.trust.errors import NAME
+from coupler.trust.in_time.course import after, begun
+from coupler.trust.in_time.errors import NAME
 
 sys.path.insert(0, str(Path(__file__).resolve().parent))
 

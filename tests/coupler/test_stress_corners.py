@@ -13,7 +13,7 @@ sys.path.insert(0, str(Path(__file__).parent))
 from mesh_scenes import rectangles
 
 from contact.half.interface import Interface
-from coupler.trust.stress_corners import places_without_bound
+from coupler.trust.in_space.stress_corners import places_without_bound
 
 MODEL = {"bodies": {"b": {"material": "m"}}}
 

@@ -15,9 +15,9 @@ from coupler import Results, run
 from coupler.scenario.load import scenario_from
 from coupler.scenario.timing import varies
 from coupler.schemes.levels import Level
-from coupler.trust import errors, time_shift
-from coupler.trust.errors import NAME, Looked
-from coupler.trust.time_shift import LEVELS, Shift, ShiftLog, Turning
+from coupler.trust.in_time import errors, time_shift
+from coupler.trust.in_time.errors import NAME, Looked
+from coupler.trust.in_time.time_shift import LEVELS, Shift, ShiftLog, Turning
 
 sys.path.insert(0, str(Path(__file__).resolve().parent))
 

@@ -18,10 +18,11 @@ from coupler.control.loop import Tried
 from coupler.schemes.levels import Level
 from coupler.schemes.state import Verdict
 from coupler.trust.checks import Check, TrustVerdict, broken, measured
-from coupler.trust.errors import NAME as ESTIMATED
-from coupler.trust.errors import Looked
-from coupler.trust.passing import Sides
-from coupler.trust.watch import TrustLog, TrustWatch
+from coupler.trust.in_time.errors import NAME as ESTIMATED
+from coupler.trust.in_time.errors import Looked
+from coupler.trust.surfaces.passing import Sides
+from coupler.trust.table.log import TrustLog
+from coupler.trust.table.watch import TrustWatch
 
 ROOT = Path(__file__).resolve().parents[2]
 

@@ -9,7 +9,7 @@ import sys
 import pytest
 
 from coupler import Results, load_scenario, run
-from coupler.trust import across
+from coupler.trust.in_space import across
 
 SCENE = """
 slideline: 2

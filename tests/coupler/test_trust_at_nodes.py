@@ -14,8 +14,8 @@ from pydantic import TypeAdapter
 from contact.problem.curves import FieldSpec
 from coupler import Results, run
 from coupler.scenario.load import scenario_from
-from coupler.trust.at_nodes import NAME, checks
 from coupler.trust.checks import TrustVerdict
+from coupler.trust.in_space.at_nodes import NAME, checks
 
 STEEL = {"rho": 7800.0, "c": 480.0, "k": 45.0}
 SHARP = 1e-7

@@ -15,8 +15,8 @@ from coupler import Results, run
 from coupler.scenario.load import scenario_from
 from coupler.schemes.levels import Level
 from coupler.trust.checks import TrustVerdict
-from coupler.trust.courses import Course, Courses
-from coupler.trust.ways import NAME
+from coupler.trust.surfaces.courses import Course, Courses
+from coupler.trust.surfaces.ways import NAME
 
 H, WARM, LONG, WIDE, AHEAD, M = 1000.0, 100.0, 0.1, 0.2, 1.0, 39.0
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from coupler.trust.checks import TrustVerdict
-from coupler.trust.delivered import checks, left_checks
+from coupler.trust.laws.delivered import checks, left_checks
 
 HOLDS, NOTED, BROKEN, _ = TrustVerdict
 FRICTION = {"heat.friction.slave": 30.0, "heat.friction.master": 70.0, "heat.stored.body": 100.0}

@@ -10,9 +10,9 @@ import pytest
 
 from coupler import load_scenario, run
 from coupler.scenario.rule_model import Drive, Rule, When
-from coupler.trust import drives
 from coupler.trust.checks import Check, TrustVerdict
-from coupler.trust.instants import Acted
+from coupler.trust.in_time import drives
+from coupler.trust.in_time.instants import Acted
 
 HOLDS, NOTED, _, _ = TrustVerdict
 

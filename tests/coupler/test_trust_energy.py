@@ -10,7 +10,7 @@ import pytest
 from coupler import Results, run
 from coupler.scenario.load import scenario_from
 from coupler.trust.checks import Check, TrustVerdict
-from coupler.trust.energy import NAME, EnergyLog, checks, watched
+from coupler.trust.laws.energy import NAME, EnergyLog, checks, watched
 
 HOLDS, NOTED, BROKEN, _ = TrustVerdict
 

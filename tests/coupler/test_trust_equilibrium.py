@@ -10,7 +10,7 @@ import pytest
 from coupler import Results, run
 from coupler.scenario.load import scenario_from
 from coupler.trust.checks import TrustVerdict
-from coupler.trust.equilibrium import FINE, NAME, EquilibriumLog, checks, due, softened, watched
+from coupler.trust.laws.equilibrium import FINE, NAME, EquilibriumLog, checks, due, softened, watched
 
 
 def log_of(*told: float) -> EquilibriumLog:

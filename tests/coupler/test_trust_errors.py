@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 
 from coupler.record.observe import ProbeReader
-from coupler.trust import errors
 from coupler.trust.checks import TrustVerdict, amount
-from coupler.trust.errors import ErrorLog, Looked
+from coupler.trust.in_time import errors
+from coupler.trust.in_time.errors import ErrorLog, Looked
 
 K = {"a": "K", "b": "K"}
 

@@ -14,8 +14,8 @@ from untrusted_runs import trust_both_ways
 from coupler import load_scenario, run
 from coupler.fmu.launch import launch
 from coupler.running.resume import resume
-from coupler.trust import extremes, heat_mesh
-from coupler.trust.extremes import ExtremesLog
+from coupler.trust.in_space import extremes, heat_mesh
+from coupler.trust.in_space.extremes import ExtremesLog
 
 PLATE = """
 slideline: 2

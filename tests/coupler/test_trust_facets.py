@@ -15,8 +15,8 @@ sys.path.insert(0, str(Path(__file__).parents[1]))
 from random_scenes.scene import Scene
 from random_scenes.story import Story, told
 
-from coupler.trust.facets import GAPS, NAME, Chords, FacetLog, Facets, checks
-from coupler.trust.penetration import Yields
+from coupler.trust.surfaces.facets import GAPS, NAME, Chords, FacetLog, Facets, checks
+from coupler.trust.surfaces.penetration import Yields
 
 A, B, C, DELTA = 0.012, 0.028, 0.047, 2.0e-5
 SHAFT, HUB = (1.1e11, 0.34), (2.1e11, 0.29)

@@ -14,9 +14,9 @@ from untrusted_runs import trust_both_ways
 from coupler import load_scenario, run
 from coupler.fmu.launch import launch
 from coupler.running.resume import resume
-from coupler.trust import heat_mesh
 from coupler.trust.checks import TrustVerdict
-from coupler.trust.temperatures import TemperatureLog
+from coupler.trust.in_space import heat_mesh
+from coupler.trust.laws.temperatures import TemperatureLog
 
 WALL = """
 slideline: 2

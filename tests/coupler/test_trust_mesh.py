@@ -10,7 +10,7 @@ import pytest
 
 from coupler import load_scenario, run
 from coupler.fmu.launch import launch
-from coupler.trust import mesh
+from coupler.trust.in_space import mesh
 
 sys.path.insert(0, str(Path(__file__).parent))
 from untrusted_runs import trust_both_ways

@@ -13,7 +13,7 @@ import pytest
 from contact.half.interface import Interface
 from coupler import load_scenario, run
 from coupler.trust.checks import Check, TrustVerdict
-from coupler.trust.motion import LIMIT, NAME, NOTE_AT, Motion, MotionLog
+from coupler.trust.in_time.motion import LIMIT, NAME, NOTE_AT, Motion, MotionLog
 
 HOLDS, NOTED, BROKEN, UNCHECKED = TrustVerdict
 

@@ -11,9 +11,9 @@ import pytest
 
 from coupler import Results, run
 from coupler.scenario.load import scenario_from
-from coupler.trust import errors
 from coupler.trust.checks import TrustVerdict
-from coupler.trust.errors import Looked
+from coupler.trust.in_time import errors
+from coupler.trust.in_time.errors import Looked
 
 
 def heated(tmp_path: Path, probes: dict[str, Any]) -> Results:

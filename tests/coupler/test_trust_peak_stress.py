@@ -14,9 +14,9 @@ from coupler import load_scenario, run
 from coupler.fmu.launch import launch
 from coupler.running.resume import resume
 from coupler.scenario.probes import Probe
-from coupler.trust import mesh, peak_stress
 from coupler.trust.checks import TrustVerdict
-from coupler.trust.peak_stress import PeakLog, PeakStress, stress_outputs
+from coupler.trust.in_space import mesh, peak_stress
+from coupler.trust.in_space.peak_stress import PeakLog, PeakStress, stress_outputs
 
 sys.path.insert(0, str(Path(__file__).parent))
 from mesh_scenes import rectangles

@@ -10,8 +10,8 @@ import pytest
 from numpy.typing import NDArray
 
 from coupler import load_scenario, run
-from coupler.trust import course, errors, phases
-from coupler.trust.errors import Looked
+from coupler.trust.in_time import course, errors, phases
+from coupler.trust.in_time.errors import Looked
 
 Array = NDArray[np.float64]
 

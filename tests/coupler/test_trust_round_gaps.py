@@ -15,7 +15,7 @@ sys.path.insert(0, str(Path(__file__).parents[1]))
 from random_scenes.scene import Scene
 from random_scenes.story import Story, told
 
-from coupler.trust.round_gaps import NAME, RoundGapLog, RoundGaps
+from coupler.trust.surfaces.round_gaps import NAME, RoundGapLog, RoundGaps
 
 R, GAP, K_G, G_M = 0.02, 2.0e-6, 0.03, 1.0e-6
 

@@ -14,7 +14,7 @@ from coupler.scenario.load import scenario_from
 from coupler.scenario.options import Scheme, Seen
 from coupler.schemes.schemes import read_at
 from coupler.trust.checks import TrustVerdict
-from coupler.trust.skipped import NAME
+from coupler.trust.surfaces.skipped import NAME
 
 RHO, C, SPEED = 7800.0, 480.0, 0.02
 COIL = {"at": [0.1, 0.101, 0.104, 0.105], "value": [0, 1, 1, 0]}  # 4 mm in all

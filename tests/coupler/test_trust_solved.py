@@ -13,8 +13,8 @@ from fresh_scenes import column
 
 from coupler import load_scenario, run
 from coupler.scenario.load import scenario_from
-from coupler.trust import solved
 from coupler.trust.checks import TrustVerdict
+from coupler.trust.laws import solved
 
 BEAM = """
 slideline: 2

@@ -16,8 +16,8 @@ import pytest
 from contact.half import build_fmu
 from coupler import Results, load_scenario
 from coupler.schemes.levels import Level
-from coupler.trust import stored
 from coupler.trust.checks import Check, TrustVerdict
+from coupler.trust.laws import stored
 from thermal_fmu.half import load
 
 sys.path.insert(0, str(Path(__file__).parent))

@@ -13,7 +13,7 @@ import pytest
 from coupler.scenario.load import Scenario, scenario_from
 from coupler.schemes.levels import Level
 from coupler.trust.checks import Check, TrustVerdict
-from coupler.trust.tables import NAME, MaterialTables, TableLog
+from coupler.trust.laws.tables import NAME, MaterialTables, TableLog
 
 TABLE = {"T": [300, 900], "value": [50, 30]}
 

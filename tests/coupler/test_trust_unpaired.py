@@ -10,7 +10,7 @@ from ruamel.yaml import YAML
 
 from coupler import load_scenario, run
 from coupler.trust.checks import Check
-from coupler.trust.unpaired import NAME
+from coupler.trust.surfaces.unpaired import NAME
 
 STEEL = {"rho": 7800, "k": 45, "c": 480, "E": 2.0e11, "nu": 0.3, "alpha": 1.2e-5, "T_ref": 300}
 

@@ -15,7 +15,7 @@ from coupler import Results, run
 from coupler.scenario.load import scenario_from
 from coupler.schemes.levels import Level
 from coupler.trust.checks import TrustVerdict
-from coupler.trust.ways import NAME, Ways, WaysLog
+from coupler.trust.surfaces.ways import NAME, Ways, WaysLog
 
 H, WARM, WIDE, NARROW, STROKE = 1000.0, 480.0, 0.01, 0.005, 0.11
 

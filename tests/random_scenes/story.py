@@ -19,7 +19,7 @@ from coupler.record.tables import ERROR_FIELDS
 from coupler.scenario import Scenario
 from coupler.schemes.levels import Level
 from coupler.trust.checks import TrustVerdict
-from coupler.trust.errors import NAME as ESTIMATED
+from coupler.trust.in_time.errors import NAME as ESTIMATED
 from random_scenes.direct_half import without_fmus
 from random_scenes.scene import Scene
 

@@ -1,7 +1,8 @@
 """What fades with the gap between two surfaces, or is tabulated over it, as what nodes read when gaps change.
 
 Films and radiation grow or fade between two gaps, and a law of conduction may be a table over the gap.  Where gaps
-change fast each of these is like a field over place: it may begin, or end, within a window (coupler.trust.skipped).
+change fast each of these is like a field over place: it may begin, or end, within a window
+(coupler.trust.surfaces.skipped).
 """
 
 from __future__ import annotations

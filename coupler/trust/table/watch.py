@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Collection, Mapping, Sequence
-from dataclasses import asdict, dataclass, field, replace
+from dataclasses import asdict, replace
 from types import MappingProxyType
 from typing import Any
 
@@ -19,89 +18,21 @@ from coupler.scenario.thermal_data import TemperatureData
 from coupler.schemes.ledger import NO_TERMS, imbalance
 from coupler.schemes.levels import Level
 from coupler.schemes.state import ACROSS, OFF_MESH, SHAPE_OFF
-from coupler.trust import (
-    across,
-    at_nodes,
-    carried,
-    delivered,
-    drives,
-    energy,
-    equilibrium,
-    errors,
-    extremes,
-    facets,
-    heat_mesh,
-    instants,
-    mesh,
-    motion,
-    passing,
-    peak_stress,
-    penetration,
-    rhythm,
-    round_gaps,
-    skipped,
-    solved,
-    stability,
-    steady,
-    stored,
-    tables,
-    temperatures,
-    unpaired,
-    ways,
-)
 from coupler.trust.checks import Check, measured
-from coupler.trust.errors import Looked
-from coupler.trust.phases import Mask
+from coupler.trust.in_space import across, at_nodes, carried, extremes, heat_mesh, mesh, peak_stress
+from coupler.trust.in_time import drives, errors, instants, motion, rhythm, stability, steady
+from coupler.trust.in_time.errors import Looked
+from coupler.trust.in_time.phases import Mask
+from coupler.trust.laws import delivered, energy, equilibrium, solved, stored, tables, temperatures
+from coupler.trust.surfaces import facets, passing, penetration, round_gaps, skipped, unpaired, ways
+from coupler.trust.table.bodies import Bodies
+from coupler.trust.table.log import TrustLog, check_of_windows, taken
 
 Array = NDArray[np.float64]
 
 BALANCE = (1e-9, 1e-6)  # of the heat moved: noted, broken
-# Errors of windows add up, and each may be one tolerance: what was taken above it may be this part of all of them.
-OVER = 0.1
 
 NOTHING: Mapping[str, float] = MappingProxyType({})
-
-
-@dataclass(frozen=True)
-class TrustLog:
-    """What was measured so far.
-
-    forced : windows taken though they did not converge or their error was too large, of `windows`; the last ended at
-    forced_t [s].  over : the sum of those errors, in tolerances.  unconverged : those of them that did not converge.
-    """
-
-    temperatures: temperatures.TemperatureLog = field(default_factory=temperatures.TemperatureLog)
-    rhythm: rhythm.RhythmLog = field(default_factory=rhythm.RhythmLog)
-    passing: passing.PassingLog = field(default_factory=passing.PassingLog)
-    unpaired: unpaired.UnpairedLog = field(default_factory=unpaired.UnpairedLog)
-    penetration: penetration.PenetrationLog = field(default_factory=penetration.PenetrationLog)
-    facets: facets.FacetLog = field(default_factory=facets.FacetLog)
-    round_gaps: round_gaps.RoundGapLog = field(default_factory=round_gaps.RoundGapLog)
-    errors: errors.ErrorLog = field(default_factory=errors.ErrorLog)
-    stability: stability.StabilityLog = field(default_factory=stability.StabilityLog)
-    steady: steady.SteadyLog = field(default_factory=steady.SteadyLog)
-    shapes: carried.CarriedLog = field(default_factory=carried.CarriedLog)
-    carried: carried.CarriedLog = field(default_factory=carried.CarriedLog)
-    equilibrium: equilibrium.EquilibriumLog = field(default_factory=equilibrium.EquilibriumLog)
-    tables: tables.TableLog = field(default_factory=tables.TableLog)
-    across: across.AcrossLog = field(default_factory=across.AcrossLog)
-    mesh: mesh.MeshLog = field(default_factory=mesh.MeshLog)
-    peak_stress: peak_stress.PeakLog = field(default_factory=peak_stress.PeakLog)
-    heat_mesh: heat_mesh.HeatMeshLog = field(default_factory=heat_mesh.HeatMeshLog)
-    extremes: extremes.ExtremesLog = field(default_factory=extremes.ExtremesLog)
-    stored: stored.StoredLog = field(default_factory=stored.StoredLog)
-    solved: solved.SolvedLog = field(default_factory=solved.SolvedLog)
-    motion: motion.MotionLog = field(default_factory=motion.MotionLog)
-    energy: energy.EnergyLog = field(default_factory=energy.EnergyLog)
-    instants: instants.InstantLog = field(default_factory=instants.InstantLog)
-    drives: drives.DriveLog = field(default_factory=drives.DriveLog)
-    skipped: skipped.SkippedLog = field(default_factory=skipped.SkippedLog)
-    ways: ways.WaysLog = field(default_factory=ways.WaysLog)
-    windows: int = 0
-    forced: int = 0
-    forced_t: float = 0.0
-    over: float = 0.0
-    unconverged: int = 0
 
 
 class TrustWatch:
@@ -158,13 +89,11 @@ class TrustWatch:
         if self._lasts is not None and any(models["mechanical"].get(n) for n in ("thermoelastic_heat", "adiabatic")):
             self._lasts = np.ones_like(self._lasts)
         self._prescribed = models["mechanical"].get("half") == "rigid"
-        self._inside = np.flatnonzero(interface.node_body >= 0)
-        self._of = interface.node_body[self._inside]
-        self._counts = np.maximum(np.bincount(self._of, minlength=len(interface.bodies)), 1)
+        self._bodies = Bodies(interface)
 
     def means(self, now: Level) -> Array:
         """Return the mean temperature of each body, (n_bodies,) [K]."""
-        return np.bincount(self._of, weights=now.T[self._inside], minlength=len(self._counts)) / self._counts
+        return self._bodies.mean_temperatures(now)
 
     def begun(self, now: Level, values: Array | None = None) -> TrustLog:
         """Return the log before the first window.  values : (n,) of the probes in SI; None: they are not followed."""
@@ -192,12 +121,8 @@ class TrustWatch:
         heats = {name: heat for name, heat in terms.items() if name not in NO_TERMS}
         warmth = temperatures.watched(log.temperatures, self._data, levels, heats, inputs)
         shape_off = monitors.get(f"mechanical.{SHAPE_OFF}")
-        if forced:
-            known = math.isfinite(forced)
-            log = replace(log, forced=log.forced + 1, forced_t=now.t, over=log.over + (forced if known else 0.0),
-                          unconverged=log.unconverged + (not known))
         return replace(
-            log, windows=log.windows + 1, temperatures=warmth,
+            taken(log, forced, now.t), temperatures=warmth,
             rhythm=rhythm.watched(log.rhythm, levels, warmth.own_span, self.means(now), fresh),
             passing=self._sides.watched(log.passing, before, now),
             unpaired=self._unpaired.watched(log.unpaired, now),
@@ -207,12 +132,13 @@ class TrustWatch:
             skipped=self._placed.watched(log.skipped, before, now, reads),
             ways=self._ways.watched(log.ways, before, now),
             carried=carried.watched(log.carried, monitors.get(f"thermal.{OFF_MESH}"), now.t),
-            shapes=carried.watched(log.shapes, shape_off, now.t, 0.0 if shape_off is None else self._deformed(now)),
+            shapes=carried.watched(log.shapes, shape_off, now.t,
+                                   0.0 if shape_off is None else self._bodies.deformed(now)),
             across=across.watched(log.across, monitors.get(f"thermal.{ACROSS}"), now.t),
             solved=solved.watched(log.solved, monitors, terms, now.t),
             energy=energy.watched(log.energy, monitors, now.t),
             motion=log.motion if not self._motion.has_inertia else self._motion.watched(
-                log.motion, (self._moved(before), self._moved(now)), now.t - before.t, fresh),
+                log.motion, (self._bodies.moved(before), self._bodies.moved(now)), now.t - before.t, fresh),
             tables=self._tables.watched(log.tables, now), stored=self._stored.watched(log.stored, now, heats))
 
     def wants_equilibrium(self, log: TrustLog, t: float, end: float, at_end: bool = False) -> bool:
@@ -271,14 +197,12 @@ class TrustWatch:
         left : heat made and not delivered, block -> [J].
         rules : whether rules act on the scene.
         """
-        off = imbalance(totals)
-        # fault: a window a hair above its tolerance makes a run one not to trust -> over = 0.0 | coupler/test_trust
-        over = OVER * log.windows
+        off, place = imbalance(totals), self._bodies.place
         return (
             errors.check(log.errors, self._probes, self._adaptive, self._iterated, self._nothing),
             stability.check(log.stability, log.errors.looked, self._adaptive),
             *steady.checks(log.steady),
-            temperatures.check(log.temperatures, self._place(log.temperatures.node)),
+            temperatures.check(log.temperatures, place(log.temperatures.node)),
             *self._tables.checks(log.tables),
             *carried.checks(log.carried, log.temperatures.most - log.temperatures.least,
                             "thermal" in self._own_meshes),
@@ -289,10 +213,10 @@ class TrustWatch:
             *self._peak_stress.checks(log.peak_stress, mesh.bears(log.mesh) if log.mesh.energy else
                                       dict.fromkeys(self._interface.bodies, True), self._nothing.get("Pa", 0.0)),
             *across.checks(log.across, log.temperatures.span),
-            *rhythm.checks(log.rhythm, self._place(log.rhythm.node), self._interface.bodies),
-            *passing.checks(log.passing, self._place(log.passing.node, log.passing.end), bool(self._interface.pairs),
+            *rhythm.checks(log.rhythm, place(log.rhythm.node), self._interface.bodies),
+            *passing.checks(log.passing, place(log.passing.node, log.passing.end), bool(self._interface.pairs),
                             self._prescribed, self._yields.remedy(log.passing.soft_pair)),
-            *self._unpaired.checks(log.unpaired, self._place(log.unpaired.node, log.unpaired.end), self._prescribed),
+            *self._unpaired.checks(log.unpaired, place(log.unpaired.node, log.unpaired.end), self._prescribed),
             penetration.check(log.penetration, self._yields, self._prescribed),
             *(() if self._prescribed else facets.checks(log.facets, self._facets)),
             *self._round_gaps.checks(log.round_gaps),
@@ -311,29 +235,4 @@ class TrustWatch:
             *solved.checks(log.solved),
             *instants.checks(log.instants, rules),
             *drives.checks(log.drives, self._driving),
-            measured("windows solved to their tolerance", log.over + log.unconverged * log.windows,
-                     (0.0, over), unit="tolerances", t=log.forced_t,
-                     what=f"{log.forced} of {log.windows} windows were accepted although they did not converge or "
-                          f"their error was too large, the last at t = {log.forced_t:.6g} s",
-                     remedy="Use smaller windows (a smaller coupling.adaptive.tolerance or coupling.adaptive.least), "
-                            "or iteration.on_max: retry_smaller where it is accept"))
-
-    def _moved(self, now: Level) -> Array:
-        """The mean displacement of each body, (n_bodies, 2) [m]."""
-        u = now.x[self._inside] - self._interface.nodes[self._inside]
-        sums = np.stack([np.bincount(self._of, weights=c, minlength=len(self._counts)) for c in u.T], axis=1)
-        return np.asarray(sums / self._counts[:, None])
-
-    def _deformed(self, now: Level) -> float:
-        """The largest displacement [m] of a node beside the mean of its body."""
-        u = now.x[self._inside] - self._interface.nodes[self._inside]
-        return float(np.linalg.norm(u - self._moved(now)[self._of], axis=1).max(initial=0.0))
-
-    def _place(self, node: int, end: int | None = None) -> str:
-        """A node in words, or the middle between it and another."""
-        if node < 0:
-            return "a node"
-        x, y = 0.5 * (self._interface.nodes[node] + self._interface.nodes[node if end is None else end])
-        body = int(self._interface.node_body[node])
-        name = self._interface.bodies[body] if body >= 0 else "no body"
-        return f"{name} at ({x:.6g}, {y:.6g}) m"
+            check_of_windows(log))

@@ -6,7 +6,7 @@ import math
 from dataclasses import dataclass, replace
 
 from coupler.trust.checks import Check, TrustVerdict, measured
-from coupler.trust.errors import Looked
+from coupler.trust.in_time.errors import Looked
 
 NAME = "exchange is stable"
 # |m| of what turns round: it rings beyond the first, and grows beyond the second.

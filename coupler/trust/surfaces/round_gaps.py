@@ -23,7 +23,7 @@ from contact.laws import Law, closed_conductance, open_conductance, parse_law
 from coupler.scenario.notes import NO_CONDUCTANCE
 from coupler.schemes.levels import Level
 from coupler.trust.checks import Check, measured
-from coupler.trust.facets import Chords
+from coupler.trust.surfaces.facets import Chords
 
 Array = NDArray[np.float64]
 

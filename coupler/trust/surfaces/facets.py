@@ -33,7 +33,7 @@ from contact.rounding import rounding_of
 from contact.surfaces import edge_frames, surfaces_of
 from coupler.schemes.levels import Level
 from coupler.trust.checks import Check, measured
-from coupler.trust.penetration import PairYield, Yields
+from coupler.trust.surfaces.penetration import PairYield, Yields
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.intp]

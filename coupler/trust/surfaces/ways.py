@@ -6,8 +6,8 @@ turned twice in a window met its pad by chance, and a ring that turned by more t
 window of half the size passes as well, so that no comparison of the two tells.  The motions themselves do: adaptive
 windows are no longer than surfaces that may face take for SHARE of the shorter one, or, of a slider that stays on a
 straight track, of two edges of that where they are longer (coupler.control.loop); and a row of the trust table judges
-windows of any size.  Bodies that forces move are taken to go on as they went (coupler.trust.courses); the row judges
-how far they did.
+windows of any size.  Bodies that forces move are taken to go on as they went (coupler.trust.surfaces.courses); the row
+judges how far they did.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ from contact.half.interface import Interface
 from contact.half.turns import rotated
 from coupler.schemes.levels import Level
 from coupler.trust.checks import Check, measured
-from coupler.trust.courses import Course, Courses
+from coupler.trust.surfaces.courses import Course, Courses
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.intp]

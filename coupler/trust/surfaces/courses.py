@@ -1,7 +1,8 @@
 """How bodies go that nobody tells how to: by forces, with inertia or pushed by others.
 
 Their motion is not stated, but it is known as it was: the mean of each body, how fast it goes, by how much that changes
-and how fast the body turns, from window to window.  With that the next window is looked ahead (coupler.trust.ways).
+and how fast the body turns, from window to window.  With that the next window is looked ahead
+(coupler.trust.surfaces.ways).
 """
 
 from __future__ import annotations

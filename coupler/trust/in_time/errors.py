@@ -18,8 +18,8 @@ obeys the same linear equation as the velocity of the probes itself (differentia
 equation; Hairer, Norsett & Wanner, Solving Ordinary Differential Equations I, chapter I.14), so it dies out as that
 does: by the ratio of the velocities at the end and at the start of a window, all probes together, and by no more than
 `PATIENCE` windows allow, for a velocity also turns round.  Past a kink of the data nothing is forgotten, and nothing is
-taken to grow but what is a shift of time, which stays (coupler.trust.time_shift).  What is told is the largest error at
-a time, by either.  Errors of what moves with inertia do not die out (coupler.trust.phases).
+taken to grow but what is a shift of time, which stays (coupler.trust.in_time.time_shift).  What is told is the
+largest error at a time, by either.  Errors of what moves with inertia do not die out (coupler.trust.in_time.phases).
 """
 
 from __future__ import annotations
@@ -32,10 +32,10 @@ from types import MappingProxyType
 import numpy as np
 from numpy.typing import NDArray
 
-from coupler.trust import phases, time_shift
 from coupler.trust.checks import Check, TrustVerdict, amount, measured
-from coupler.trust.phases import Mask, PhaseLog
-from coupler.trust.time_shift import Shift, ShiftLog, Turning
+from coupler.trust.in_time import phases, time_shift
+from coupler.trust.in_time.phases import Mask, PhaseLog
+from coupler.trust.in_time.time_shift import Shift, ShiftLog, Turning
 
 Array = NDArray[np.float64]
 
@@ -91,8 +91,8 @@ class Looked:
     where that is what was kept.  solves : of either half that this cost beyond the run's own.
     switch : whether contact closes or opens in it, or did in the one before.  by_itself : whether its end depends on
     nothing inside it, so that what jumps there makes it no more wrong.
-    turning, shift : of the temperatures, and by how much the window shifts the run (coupler.trust.time_shift); None:
-    they shift nothing.
+    turning, shift : of the temperatures, and by how much the window shifts the run (coupler.trust.in_time.time_shift);
+    None: they shift nothing.
     m : what the window makes of a disturbance; nan: not measured.  limit [s] : the longest window that is stable.
     growth : of a disturbance of a steady state (coupler.control.own_growth); nan: not measured.
     """

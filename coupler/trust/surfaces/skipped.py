@@ -26,7 +26,7 @@ from contact.half.interface import Interface
 from coupler.scenario.thermal_data import stated_data
 from coupler.schemes.levels import Level
 from coupler.trust.checks import Check, measured
-from coupler.trust.faded import Faded, faded
+from coupler.trust.surfaces.faded import Faded, faded
 
 Array = NDArray[np.float64]
 

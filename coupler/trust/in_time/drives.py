@@ -14,7 +14,7 @@ from dataclasses import dataclass, field, replace
 
 from coupler.scenario.rule_model import Rule, When
 from coupler.trust.checks import Check, measured
-from coupler.trust.instants import Acted
+from coupler.trust.in_time.instants import Acted
 
 NAME = "drives hold their targets"
 NOTE_AT = 0.1  # of the range of the monitor, or of its logarithm: what is seen in a curve as a miss

@@ -36,7 +36,7 @@ class PhaseLog:
     lasts : whose errors do not die out; (0,): nobody's.  slope [1/s], curve [1/s2] : of the last window, with their
     signs; nan where no window before tells them.  seconds, thirds : sums of |H^2 v''| and |H^3 v'''| of windows
     that tell both.  bends, squares : sums of what windows bend by
-    (coupler.trust.errors), and of its squares.
+    (coupler.trust.in_time.errors), and of its squares.
     """
 
     lasts: Mask = field(default_factory=lambda: np.empty(0, dtype=bool))

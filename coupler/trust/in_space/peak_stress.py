@@ -31,7 +31,7 @@ from coupler.fmu.half import Block
 from coupler.fmu.outputs import On, component_of, place_of
 from coupler.scenario.probes import Probe
 from coupler.trust.checks import Check, TrustVerdict, amount, measured
-from coupler.trust.stress_corners import curves, places_without_bound
+from coupler.trust.in_space.stress_corners import curves, places_without_bound
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.intp]

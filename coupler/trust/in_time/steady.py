@@ -6,7 +6,7 @@ import math
 from dataclasses import dataclass
 
 from coupler.trust.checks import Check, measured
-from coupler.trust.errors import Looked
+from coupler.trust.in_time.errors import Looked
 
 NAME = "steady state is stable"
 # Of a disturbance that comes out as large as it was nobody knows what becomes; what is measured is good to some 1 %.

@@ -1,0 +1,1 @@
+"""Errors in space: what cells are too large for, and what a scene's mesh does not hold."""

@@ -1,0 +1,1 @@
+"""Errors in time: of windows and their sum over a run, of the exchange, of instants between windows."""
