@@ -7,7 +7,7 @@ slip in part, or slip.  Single nodes are not looked at: the edge of a pair that 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from enum import Enum
 from itertools import pairwise
@@ -147,6 +147,7 @@ def changed(before: ContactStatus, now: ContactStatus) -> list[int]:
 #     convection        d_cut, d_full  nothing below, all of it above
 #     radiation         d_near, d_far  between near ones below, the surroundings above
 #
+# Where a law still lets heat cross at gap_max, that ends there at once.
 # Conduction knows pressure where a pair touches and gap where it does not, so its own jump is at touch, an event of the
 # pair.  Knots of a table are none: each bends the law a little.  What is looked at is a pair as a whole: its least
 # gap, its largest pressure; between the first point and the last one all windows have points on both sides.
@@ -154,11 +155,15 @@ def changed(before: ContactStatus, now: ContactStatus) -> list[int]:
 
 @dataclass(frozen=True)
 class Branch:
-    """pair : whose.  at : where a law bends; a pressure [Pa] where `pressure`, else a gap [m]."""
+    """pair : whose.  at : where a law bends; a pressure [Pa] where `pressure`, else a gap [m].
+
+    sides : nodes of both surfaces, where nothing is faced beyond that gap; else empty.
+    """
 
     pair: PairNodes
     at: float
     pressure: bool = False
+    sides: tuple[Indices, ...] = ()
 
     @property
     def name(self) -> str:
@@ -184,6 +189,13 @@ def branches_of(thermal: Mapping[str, Any], pairs: tuple[Pair, ...],
     return tuple(found)
 
 
+def reaches_of(ends: Collection[str], interface: Interface, nodes: tuple[PairNodes, ...]) -> tuple[Branch, ...]:
+    """Where pairs leave each other's reach.  ends : names of those whose heat ends there at once."""
+    return tuple(Branch(own, pair.gap_max, sides=tuple(np.unique(interface.surfaces[side])
+                                                       for side in (pair.slave, pair.master)))
+                 for pair, own in zip(interface.pairs, nodes, strict=True) if pair.name in ends)
+
+
 def _pressures(law: Mapping[str, Any] | None) -> Iterator[float]:
     if law is None:
         return
@@ -195,7 +207,10 @@ def _pressures(law: Mapping[str, Any] | None) -> Iterator[float]:
 
 
 def side(branch: Branch, level: Level) -> tuple[ContactState, tuple[float, ...]]:
-    """On which side of a branch its pair is, and how far from it [Pa or m]; APART where a gap faces nothing."""
+    """On which side of a branch its pair is, and how far from it [Pa or m]; APART where a gap faces nothing.
+
+    Beyond the reach of a pair nobody tells how far.
+    """
     nodes = branch.pair.nodes
     if branch.pressure:
         value = -float(level.t_N[nodes].min(initial=0.0))
@@ -203,12 +218,29 @@ def side(branch: Branch, level: Level) -> tuple[ContactState, tuple[float, ...]]
         gap, covered = level.gap[nodes], level.covered[nodes]
         facing = gap[np.isfinite(gap) & (gap < branch.pair.gap_max) & ((covered > 0.0) | (not covered.any()))]
         if not facing.size:
-            return ContactState.APART, ()
+            # fault: what ends at gap_max is no event -> return ContactState.APART, () | coupler/test_branches
+            return (ContactState.ABOVE if _out_of_reach(branch, level) else ContactState.APART), ()
         value = float(facing.min())
     if value > branch.at:
         return ContactState.ABOVE, (value - branch.at,)
     # fault: how far a gap is from a bend is not told -> return ContactState.BELOW, () | coupler/test_branches
     return ContactState.BELOW, (branch.at - value,)
+
+
+def _out_of_reach(branch: Branch, level: Level) -> bool:
+    """Whether the boxes of both surfaces, along the first one, lie opposite each other, farther apart than the reach.
+
+    Those that slid off each other, or come from the side, do not: they cease to face, or begin to, little by little.
+    """
+    if not branch.sides:
+        return False
+    a, b = (level.x[nodes] for nodes in branch.sides)
+    # fault: whether surfaces are in reach depends on how the scene is turned -> along = np.eye(2) |
+    #   coupler/test_branches
+    along = np.linalg.eigh(np.cov(a.T))[1]
+    a, b = a @ along, b @ along
+    apart = np.maximum(a.min(axis=0) - b.max(axis=0), b.min(axis=0) - a.max(axis=0))
+    return bool(apart.max() >= branch.at and apart.min() <= 0.0)
 
 
 # Where a quantity that falls towards zero will reach it, from a few of its values, and how sure that is.

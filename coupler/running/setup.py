@@ -12,7 +12,7 @@ from contact.half.interface import Interface
 from contact.half.start import start_coordinates
 from coupler.control.auto import chooses, schemes_under
 from coupler.control.body_strain import body_cells
-from coupler.control.contact_status import branches_of, pair_nodes_of, status_monitors
+from coupler.control.contact_status import branches_of, pair_nodes_of, reaches_of, status_monitors
 from coupler.control.flutter import Torn
 from coupler.control.plan import Locate, Plan
 from coupler.errors import HalfError
@@ -22,7 +22,7 @@ from coupler.fmu.held import HeldHalf, check_scene
 from coupler.fmu.launch import Launched
 from coupler.rules.engine import schemes_of, unfit, wanted
 from coupler.scenario import Scenario
-from coupler.scenario.notes import mean_T0, torn_pairs
+from coupler.scenario.notes import crossing_at_reach, mean_T0, torn_pairs
 from coupler.scenario.rule_model import outputs
 from coupler.scenario.scales import OF_LENGTH, latent_span, length_of
 from coupler.scenario.timing import has_inertia, is_steady, varies
@@ -180,8 +180,10 @@ def plan_of(scenario: Scenario) -> Plan:
     c = scenario.coupling
     interface = scenario.interface
     nodes = pair_nodes_of(interface) if c.locate else ()
-    branches = branches_of(scenario.models["thermal"], interface.pairs, nodes) if c.locate and c.branches else ()
-    locate = Locate(c.locate, c.event_tolerance, nodes, branches)
+    thermal = scenario.models["thermal"]
+    bends = branches_of(thermal, interface.pairs, nodes) if c.locate and c.branches else ()
+    ends = crossing_at_reach(thermal, interface.pairs, mean_T0(thermal, interface)) if c.locate else {}
+    locate = Locate(c.locate, c.event_tolerance, nodes, (*bends, *reaches_of(ends, interface, nodes)))
     steady_data = not (c.kinks or varies(scenario.models["thermal"]) or varies(scenario.models["mechanical"])
                        or any(rule.changes_loads for rule in scenario.rules))
     return Plan(schedule(c.end, c.windows, c.kinks, c.bends), c.scheme, c.substeps, c.iteration, c.adaptive, locate,

@@ -9,7 +9,16 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from coupler.control.contact_status import Branch, ContactState, PairNodes, branches_of, pair_nodes_of, side
+from coupler import run
+from coupler.control.contact_status import (
+    Branch,
+    ContactState,
+    PairNodes,
+    branches_of,
+    pair_nodes_of,
+    reaches_of,
+    side,
+)
 from coupler.errors import ScenarioError
 from coupler.running.setup import plan_of
 from coupler.scenario import load_scenario
@@ -91,3 +100,60 @@ def test_bends_of_radiation_and_of_sums() -> None:
     pairs = scenario.interface.pairs
     found = branches_of(thermal, pairs, pair_nodes_of(scenario.interface))
     assert [(b.at, b.pressure) for b in found] == [(2e-3, False), (3e6, True)]
+
+
+# Where a law still lets heat cross at gap_max, that ends there at once: an event, as touch is.
+
+APART = """
+slideline: 2
+units: {temperature: K}
+geometry: plane
+materials: {m: {rho: 7800, k: 1000, c: 480, E: 2e11, nu: 0.3, alpha: 0, T_ref: 300}}
+bodies:
+  a: {mesh: {rectangle: {origin: [0, -0.01], size: [0.02, 0.01], cells: [2, 1]}}, material: m, T0: 300}
+  b: {mesh: {rectangle: {origin: [0, 0], size: [0.02, 0.01], cells: [3, 1]}}, material: m, T0: 400}
+contact:
+  p: {slave: b.bottom, master: a.top, gap_max: 5 mm,
+      conduction: {closed: {law: constant, h: 200}, open: {law: constant, h: 200}}}
+thermal: {boundary: [{body: a, temperature: 300}]}
+mechanical: {half: rigid, rigid: {motion: {b: {u_y: {t: [0, 100], value: [0, 0.008]}}}}}
+coupling: {end: 100}
+probes: {T: {T: {mean: b}}}
+"""
+
+
+def at(dx: float, dy: float, angle: float) -> tuple[ContactState, tuple[float, ...]]:
+    """The status of a lid of 1 m on a floor of 1 m that moved so far, all of it turned; a reach of 0.5 m."""
+    turn = np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
+    x = np.array([[0.0, 0.0], [1.0, 0.0], [0.0 + dx, 0.0 + dy], [1.0 + dx, 0.0 + dy]]) @ turn.T
+    faces = abs(dx) < 1.0 and dy < 0.5
+    level = Level(1.0, np.zeros(4), x, np.zeros(2), np.full(2, dy if faces else 0.5), np.full(2, float(faces)))
+    branch = Branch(PairNodes("p", np.array([0, 1]), 0.5), 0.5, sides=(np.array([0, 1]), np.array([2, 3])))
+    return side(branch, level)
+
+
+@pytest.mark.parametrize("angle", [0.0, 0.3, 0.785, 2.0])
+def test_surfaces_leave_each_others_reach_in_any_frame(angle: float) -> None:
+    assert at(0.0, 0.2, angle) == (ContactState.BELOW, (pytest.approx(0.3),))
+    assert at(0.0, 0.6, angle) == (ContactState.ABOVE, ())
+    assert at(0.4, 0.6, angle) == (ContactState.ABOVE, ())
+    assert at(1.7, 0.2, angle) == (ContactState.APART, ())
+    assert at(1.7, 0.6, angle) == (ContactState.APART, ())
+
+
+def test_only_pairs_whose_heat_ends_at_once_have_a_reach_as_event() -> None:
+    scenario = load_scenario(ROOT / "scenarios/sliding_blocks.yaml")
+    nodes = pair_nodes_of(scenario.interface)
+    assert reaches_of((), scenario.interface, nodes) == ()
+    found = reaches_of({"interface"}, scenario.interface, nodes)
+    assert [(b.at, b.name) for b in found] == [(nodes[0].gap_max, f"gap {nodes[0].gap_max:g} m of pair interface")]
+
+
+def test_a_block_that_leaves_the_reach_of_a_plate_conducts_until_then(tmp_path: Path) -> None:
+    file = tmp_path / "apart.yaml"
+    file.write_text(APART)
+    found = run(load_scenario(file), tmp_path / "r.h5")
+    assert np.abs(found.probe("T")[0] - 62.5).min() < 1e-5
+    # 10 mm of 7800 x 480 J/m3K by 200 W/m2K until then; the block conducts so well that it has one temperature
+    exact = 300.0 + 100.0 * np.exp(-200.0 * 62.5 / (7800.0 * 480.0 * 0.01))
+    assert found.probe("T")[1][-1] == pytest.approx(exact, abs=0.1)
