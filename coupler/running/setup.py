@@ -12,7 +12,7 @@ from contact.half.interface import Interface
 from contact.half.start import start_coordinates
 from coupler.control.auto import chooses, schemes_under
 from coupler.control.body_strain import body_cells
-from coupler.control.contact_status import branches_of, pair_nodes_of, reaches_of, status_monitors
+from coupler.control.contact_status import Branch, PairNodes, branches_of, pair_nodes_of, reaches_of, status_monitors
 from coupler.control.flutter import Torn
 from coupler.control.plan import Locate, Plan
 from coupler.errors import HalfError
@@ -180,10 +180,7 @@ def plan_of(scenario: Scenario) -> Plan:
     c = scenario.coupling
     interface = scenario.interface
     nodes = pair_nodes_of(interface) if c.locate else ()
-    thermal = scenario.models["thermal"]
-    bends = branches_of(thermal, interface.pairs, nodes) if c.locate and c.branches else ()
-    ends = crossing_at_reach(thermal, interface.pairs, mean_T0(thermal, interface)) if c.locate else {}
-    locate = Locate(c.locate, c.event_tolerance, nodes, (*bends, *reaches_of(ends, interface, nodes)))
+    locate = Locate(c.locate, c.event_tolerance, nodes, _branches(scenario, nodes) if c.locate else ())
     steady_data = not (c.kinks or varies(scenario.models["thermal"]) or varies(scenario.models["mechanical"])
                        or any(rule.changes_loads for rule in scenario.rules))
     return Plan(schedule(c.end, c.windows, c.kinks, c.bends), c.scheme, c.substeps, c.iteration, c.adaptive, locate,
@@ -194,6 +191,13 @@ def plan_of(scenario: Scenario) -> Plan:
                 placed=PlacedData(interface, scenario.models["thermal"]),
                 # fault: what melts is steady while it melts -> latent=0.0) | coupler/test_stop_steady
                 latent=latent_span(scenario.models["thermal"]), ways=Ways(interface, scenario.models["mechanical"]))
+
+
+def _branches(scenario: Scenario, nodes: tuple[PairNodes, ...]) -> tuple[Branch, ...]:
+    thermal, interface = scenario.models["thermal"], scenario.interface
+    ends = crossing_at_reach(thermal, interface.pairs, mean_T0(thermal, interface))
+    bends = branches_of(thermal, interface.pairs, nodes) if scenario.coupling.branches else ()
+    return *bends, *reaches_of(ends, interface, nodes)
 
 
 def _torn(scenario: Scenario) -> Torn:
