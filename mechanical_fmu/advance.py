@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from contact.half.model import Values
 from contact.half.program import ProgramError
 from mechanical_fmu.carrying import carried
+from mechanical_fmu.coming_to_rest import brought_to_rest
 from mechanical_fmu.contact import ContactQuery
 from mechanical_fmu.dynamics import BodyMotion, HeldMotion, fly, free_flight, inertia_of, motion_after, rubbed
 from mechanical_fmu.energy import made
@@ -332,7 +333,8 @@ def _piece(system: System, task: Task, begin: Departure, span: tuple[float, floa
         after = motion_after(system, motion, found, inertia, dt)
         rubbing, heat = rubbed(system, motion.rubbing, found, dt, b * task.dt)
         after = with_its_energy(system, motion, after, found, loading, owes=last, heat=float(heat.sum()))
-        after = replace(after, rubbing=rubbing)
+        after, more = brought_to_rest(system, replace(after, rubbing=rubbing), found, loading)
+        heat = heat + more if more.size else heat
 
         def moduli(share: float) -> tuple[Moduli, ...]:
             drive = between(task.start, task.end, a + share * (b - a))

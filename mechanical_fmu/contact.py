@@ -156,6 +156,9 @@ def contact_variables(n_q: int, slips: bool = False, with_status: bool = False,
                                   description="at which time of a step the pressure is that makes its friction heat"),)
                         if by_end else ()),
                       Variable("contact.slipping", description="contact quadrature points that slip"),
+                      *(() if by_end else
+                        (Variable("contact.slip_speed", unit="m/s", description="mean speed at the end of the substep "
+                                  "of what slipped in it, the way its friction goes; negative: it turned"),)),
                       Variable("contact.slip_share", (n_q,), unit="1",
                                description="of what a slave node touches, the share at Coulomb's bound",
                                on="pair_nodes"),

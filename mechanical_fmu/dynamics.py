@@ -29,12 +29,15 @@ class Rubbing:
     """Friction at pair nodes, (n_q,) each; (0,) where nothing rubs or it is not known.
 
     force : [N] at Coulomb's bound, of what slips, with the sign of that.  rate : [m/s] at which it slips, or did when
-    it parted.  slip : [m] since the start of the step, as contact tells it.
+    it parted.  slip : [m] since the start of the step, as contact tells it.  dt [s] : in which it slipped at that rate.
+    along : mean speed at the end of what slipped in the step, the way it did then [m/s]; less than 0: it turned round.
     """
 
     force: Floats = field(default_factory=lambda: np.empty(0))
     rate: Floats = field(default_factory=lambda: np.empty(0))
     slip: Floats = field(default_factory=lambda: np.empty(0))
+    dt: float = 0.0
+    along: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -162,10 +165,16 @@ def rubbed(system: System, before: Rubbing, found: ForceBalance, dt: float, sinc
     # fault: friction heat of bodies with inertia is by the pressure at the end of steps -> then = force |
     #   mechanical_fmu/test_friction_inertia
     then = before.force if known else force
+    # By rates in the middle of two steps, as of an even acceleration.
+    went = before.rate != 0.0 if known and before.dt > 0.0 else np.zeros_like(touches)
+    speed = rate + np.where(went, dt / (dt + before.dt) * (rate - before.rate), 0.0) if went.any() else rate
+    all_of_it = float(np.abs(force).sum())
+    along = float(force @ speed) / all_of_it if all_of_it > 0.0 else 0.0
     # Where slip turned round, the friction of before has helped it on for half of the step.
-    # fault: friction brakes what turned round in all of the step -> then = np.abs(then) * np.sign(rate) |
-    #   mechanical_fmu/test_friction_inertia
-    return Rubbing(force, rate, slip), np.maximum(0.5 * dt * rate * (then + force), 0.0)
+    # fault: friction brakes what turned round in all of the step -> heat = 0.5 * dt * rate * (np.abs(then) *
+    #   np.sign(rate) + force) | mechanical_fmu/test_friction_inertia
+    heat = 0.5 * dt * rate * (then + force)
+    return Rubbing(force, rate, slip, dt, along), np.maximum(heat, 0.0)
 
 
 def end_residual(system: System, found: ForceBalance, motion: BodyMotion) -> Floats:

@@ -132,6 +132,8 @@ def outputs_of(system: System, found: StepResult, moved: Moved, state: ElasticSt
                                    system.contact.tied)
     if found.rubbed.size:
         outputs["contact.E_friction"] = found.rubbed
+    if system.contact.slips and system.spec.stated.inert:
+        outputs["contact.slip_speed"] = found.motion.rubbing.along
     stress = stress_outputs(system, found, moved)
     # Of what a run asks for a dozen times a state in bytes keeps nothing: it would cost a factorisation each.
     seldom = unstable_outputs(system, found, moved)

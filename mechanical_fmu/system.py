@@ -406,7 +406,31 @@ class System:
         """Compute (n_bodies,) [1] norm of the out-of-balance force of each body, relative to the forces on it."""
         free = self.constraints.free.reshape(-1, 2)
         norms = [self._body_norms(f) for f in (balance.r * free, balance.r * (1.0 - free), balance.external)]
-        return norms[0] / floor.against(np.maximum(norms[1], norms[2]))
+        against = floor.against(np.maximum(norms[1], norms[2]))
+        # fault: more is asked of what sticks far from where it was drawn than places are known to -> if False: |
+        #   mechanical_fmu/test_coming_to_rest
+        if self.rigid is not None and balance.tractions is not None and len(balance.tractions.blocks):
+            against = np.maximum(against, self._contact_round_off(balance) / floor.tolerance)
+        return norms[0] / against
+
+    def _contact_round_off(self, balance: ForceBalance) -> Floats:
+        """(n_bodies,) [N]: what the springs of contact make of the last digit of the places of a rigid body's nodes.
+
+        Of a body that deforms its cells ask for less.
+        """
+        assert balance.tractions is not None
+        assert self.rigid is not None
+        tractions, nodes = balance.tractions, self.interface.contact_nodes
+        stiff = np.abs(tractions.blocks).sum(axis=(1, 2))
+        rows = np.repeat(np.arange(len(nodes)), np.diff(tractions.starts))
+        last = np.spacing(np.abs((self.interface.nodes + balance.u)[nodes]).max(axis=1))
+        forces = np.bincount(rows, weights=stiff * np.maximum(last[rows], last[tractions.columns]),
+                             minlength=len(nodes))
+        of_bodies = np.zeros(len(self.interface.bodies) + 1)
+        np.add.at(of_bodies, self.interface.node_body[nodes] + 1, forces)
+        of_rigid = np.zeros(of_bodies.size, dtype=np.bool_)
+        of_rigid[self.rigid.body + 1] = True
+        return np.where(of_rigid, of_bodies, 0.0)[1:]
 
     def _body_norms(self, f: Floats) -> Floats:
         squares = np.bincount(self.constraints.holder + 1, weights=f[:, 0] * f[:, 0] + f[:, 1] * f[:, 1],

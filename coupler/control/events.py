@@ -449,6 +449,7 @@ def _of_the_kink(memory: Memory, i: int, reach: Reach) -> bool:
 
 WORDS = {ContactState.OPEN: "opens", ContactState.CLOSED: "closes", ContactState.STICKS: "sticks",
          ContactState.SLIPS: "slips", ContactState.SLIPS_IN_PART: "slips in part",
+         ContactState.TURNS: "turns round",
          ContactState.BELOW: "is passed downwards", ContactState.ABOVE: "is passed upwards",
          ContactState.WAITS: "waits", ContactState.ACTS: "acts",
          ContactState.APART: "changes as its surfaces part or meet"}

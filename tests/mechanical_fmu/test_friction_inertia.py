@@ -35,7 +35,7 @@ def sliding(rigid: bool, swapped: bool = False, **more: object):
                           (Pair("foot", *sides, 0.01, 2e11 / 0.02, mu=MU),))
     bodies = {"floor": {"material": "m", "rigid": True}, "block": {"material": "m", "v0": [V0, 0.0], "rigid": rigid}}
     return elastic(interface, [hold("floor", 0), hold("floor", 1), hold("floor", 2)], {"rho": RHO}, tolerance=1e-10,
-                   bodies=bodies, gravity={"y": -G}, **{"dynamics": {}} | more)
+                   bodies=bodies, **{"dynamics": {}, "gravity": {"y": -G}} | more)
 
 
 def slid(half, steps) -> tuple[float, float, float]:
