@@ -16,6 +16,11 @@ energy of the deviator, P the mean in a cell.  The forces f of a load do work f 
 because a(u_h, v) + (p_h, div v) = f v and p_h = kappa P div u_h.  With the recovered p the last term is known, and
 what a cell misses is the size of all three: in bending by plane strain most of it cancels.
 
+Energies are those of Hooke's law, and at large strain Cauchy stress has no such energy: where rubber is stretched
+fivefold it has ten times what is stored there, and a glued corner counted for more than all of a pad.  So of points of
+the neo-Hookean energy stress is taken as 2 mu dev V, V the stretch along its axes, beside the pressure: that has about
+their energy at any strain (mu/2 (tr V V - 3), within an eighth up to V = 2), and is their stress at small strain.
+
 Stress that no cell has cannot be recovered.  Heat that changes within cells of one thermal strain makes such a stress:
 they take its mean, and one cell through a thickness does not bend by heat at all.  Its energy is added.
 
@@ -41,6 +46,8 @@ from mechanical_fmu.laws.law import CREEP, LIQUID, PLASTIC, Points
 from mechanical_fmu.material import Moduli
 
 Floats = NDArray[np.float64]
+STEPS = 60  # of Newton's method for the trace of V V, from above; 4 to 8 are made
+ROUND = 1e-14  # of it
 ROUNDED = 4.0  # units in the last place of a coordinate: what a sum of increments and the solution leave
 
 
@@ -62,6 +69,49 @@ def energies(stress: Floats, moduli: Moduli, weight: Floats, held: bool = False)
         across = stress[..., 3] - nu[:, None] * (stress[..., 0] + stress[..., 1])
         density = np.maximum(density - across**2 / moduli.E[:, None], 0.0)
     return np.asarray((density * weight).sum(axis=1))
+
+
+def stress_of_stretch(stress: Floats, log_J: Floats, moduli: Moduli) -> Floats:
+    """Return (n_e, nq, 4) [Pa] p + 2 mu dev V of points that have a neo-Hookean energy, whose energy is Hooke's.
+
+    stress : (n_e, nq, 4) [Pa] Cauchy, of the pressure p.  log_J : (n_e, nq) [1] of their volume.
+    """
+    found = np.empty_like(stress)
+    # fault: stress counts as in small strain wherever it is -> return stress | mechanical_fmu/test_recovery
+    _stretched(stress, np.exp(log_J), moduli.mu, found)
+    return found
+
+
+@kernel
+def _stretched(stress: Floats, J: Floats, mu: Floats, found: Floats) -> None:
+    """Fill found.  J dev stress/mu = d is the deviator of V V = 1 + z + d, whose volume is 1: det(1 + z + d) = 1."""
+    for e in range(stress.shape[0]):
+        for q in range(stress.shape[1]):
+            a, b, shear, c = stress[e, q]
+            p, share = (a + b + c) / 3.0, J[e, q] / mu[e]
+            mean, across = share * (0.5 * (a + b) - p), share * (c - p)
+            half, slant = share * 0.5 * (a - b), share * shear
+            r = np.hypot(half, slant)
+            second = mean * mean + r * r + 0.5 * across * across
+            third = (mean * mean - r * r) * across
+            # Of z z z + 3 z z + (3 - second) z + third - second the largest root, from above.
+            z = np.sqrt(second) + max(-third, 0.0) ** (1.0 / 3.0)
+            for _ in range(STEPS):
+                slope = 3.0 * z * z + 6.0 * z + 3.0 - second
+                less = (((z + 3.0) * z + 3.0 - second) * z + third - second) / slope if slope > 0.0 else 0.0
+                z -= less
+                if not abs(less) > ROUND * abs(z):
+                    break
+            # Stretches less 1, exact where they are small.
+            most, least, out = mean + r + z, mean - r + z, across + z
+            most = most / (np.sqrt(max(1.0 + most, 0.0)) + 1.0)
+            least = least / (np.sqrt(max(1.0 + least, 0.0)) + 1.0)
+            out = out / (np.sqrt(max(1.0 + out, 0.0)) + 1.0)
+            third_of, turn = (most + least + out) / 3.0, 2.0 + most + least
+            found[e, q, 0] = p + 2.0 * mu[e] * (0.5 * (most + least) - third_of + half / turn)
+            found[e, q, 1] = p + 2.0 * mu[e] * (0.5 * (most + least) - third_of - half / turn)
+            found[e, q, 2] = 2.0 * mu[e] * slant / turn
+            found[e, q, 3] = p + 2.0 * mu[e] * (out - third_of)
 
 
 def recovered(kinds: Sequence[Cells], stress: Sequence[Floats], n_nodes: int, fit: NodalStress | None = None

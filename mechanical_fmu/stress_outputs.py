@@ -20,6 +20,7 @@ from mechanical_fmu.recovery import (
     log_volume,
     missed_energy,
     rounding_energy,
+    stress_of_stretch,
     uneven_energy,
 )
 from mechanical_fmu.system import Loading, System
@@ -139,7 +140,11 @@ def _of_mesh(system: System, now: tuple[tuple[Floats, Floats], ...], moduli: tup
     plane = not system.interface.axisymmetric
     heat = [held_pressure(cells, of, m) if plane else None
             for cells, of, m in zip(volume.kinds, free, moduli, strict=True)]
-    of = Stressed([stress for stress, _ in now], [log_volume(strain) for _, strain in now], system.nodal_stress, heat)
+    log_J = [log_volume(strain) for _, strain in now]
+    # What flows has an energy of its logarithmic strain, which is that of Hooke's law.
+    stress = [of if cells.treatment.kind else stress_of_stretch(of, J, m)
+              for cells, (of, _), J, m in zip(volume.kinds, now, log_J, moduli, strict=True)]
+    of = Stressed(stress, log_J, system.nodal_stress, heat)
     missed, energy = missed_energy(volume.kinds, of, moduli, n_nodes, n_bodies, plane)
     # fault: heat that cells drop is not told -> dropped = np.zeros_like(missed) |
     #   mechanical_fmu/test_thermal_bending

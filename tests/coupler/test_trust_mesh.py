@@ -76,7 +76,7 @@ def test_it_is_read_from_a_half_when_it_is_asked_for(tmp_path):
 def test_the_largest_of_the_run_counts_and_bodies_without_load_do_not():
     assert mesh.checks(mesh.MeshLog()) == ()
     log = mesh.MeshLog()
-    for t, missed, energy in ((1.0, 0.1, 1.0), (2.0, 1.0, 99.0), (3.0, 0.5, 0.5)):
+    for t, missed, energy in ((1.0, 0.1, 1.0), (2.0, 1.0, 100.0), (3.0, 0.5, 0.5)):
         log = mesh.watched(log, {"mesh.missed.a": missed, "mesh.energy.a": energy, "mesh.missed.b": 1e-3 * t,
                                  "mesh.energy.b": 1e-3 * t}, t)
     (check,) = mesh.checks(log)
@@ -84,7 +84,7 @@ def test_the_largest_of_the_run_counts_and_bodies_without_load_do_not():
     assert (check.verdict, check.t) == ("holds", 2.0)
     nothing = mesh.watched(mesh.MeshLog(), {"mesh.missed.a": 0.0, "mesh.energy.a": 0.0}, 1.0)
     assert mesh.checks(nothing)[0].number == 0.0
-    half = mesh.watched(mesh.MeshLog(), {"mesh.missed.a": 1.0, "mesh.energy.a": 1.0}, 1.0)
+    half = mesh.watched(mesh.MeshLog(), {"mesh.missed.a": 1.0, "mesh.energy.a": 2.0}, 1.0)
     (check,) = mesh.checks(half)
     assert check.number == pytest.approx(np.sqrt(0.5))
     assert (check.verdict, "4 times as many cells" in check.remedy) == ("broken", True)
@@ -180,5 +180,5 @@ def test_heat_that_has_just_come_in_counts_by_its_share():
         (check,) = mesh.checks(log)
         numbers[energy] = check.number
         assert check.t == 1.0
-    assert numbers[30.0] == pytest.approx(np.sqrt(1.0 / (1.0 + 40.0)))
-    assert numbers[50.0] == pytest.approx(np.sqrt(10.0 / (10.0 + 60.0)))
+    assert numbers[30.0] == pytest.approx(np.sqrt(1.0 / 40.0))
+    assert numbers[50.0] == pytest.approx(np.sqrt(10.0 / 60.0))

@@ -15,6 +15,8 @@ from cell_scenes import PLANE, Stuff, equilibrium, grid, moduli_of, quads, volum
 from mechanical_scenes import NoLink, block, done, elastic, hold, inputs_of
 
 from contact.half.nodal_stress import LINEAR, nodal_stress
+from mechanical_fmu.laws.catalogue import POINT
+from mechanical_fmu.material import Moduli
 from mechanical_fmu.recovery import (
     Stressed,
     energies,
@@ -24,6 +26,7 @@ from mechanical_fmu.recovery import (
     missed_energy,
     recovered,
     rounding_energy,
+    stress_of_stretch,
     uneven_energy,
 )
 from mechanical_fmu.volume import PointStep
@@ -71,9 +74,10 @@ def looked_at(nx, ny, form, triangles=False, nu=NU, signed=False):
 @pytest.mark.parametrize(("nx", "ny", "triangles"), [
     (10, 1, False), (10, 2, False), (20, 2, False), (20, 4, False), (40, 4, False), (40, 4, True), (20, 2, True)])
 def test_a_cantilever_that_is_too_stiff_is_told_so(nx, ny, triangles):
-    """From 3 % to 86 % missed, told from half of it (coarse) to 0.9 of it (fine), never more."""
+    """Of its energy d/(1 + d) is missed where it is 1 + d times too stiff, from 1.03 to 1.86: the share that its tip
+    falls short."""
     told, true = cantilever(nx, ny, triangles=triangles)
-    assert 0.5 * true < told < 1.1 * true
+    assert 0.75 * true < told * (1.0 + true) < 1.05 * true
 
 
 @pytest.mark.parametrize("n", [2, 4])
@@ -95,12 +99,67 @@ def test_cells_that_bend_are_told_as_stiff_as_they_are(form):
 
 
 def test_two_cells_across_are_not_to_be_trusted_and_enhanced_ones_are():
-    """29 % off in deflection: 0.47 in the energy norm, beyond 0.4; with modes that bend 0.9 % off."""
+    """29 % off in deflection: 0.53 in the energy norm, beyond 0.4; with modes that bend 0.9 % off."""
     told, true = cantilever(10, 2)
     assert true == pytest.approx(0.417, abs=0.005)
-    assert np.sqrt(told / (1.0 + told)) > 0.45
+    assert np.sqrt(told) > 0.5
     bends, _ = cantilever(10, 2, "enhanced plane stress")
-    assert np.sqrt(bends / (1.0 + bends)) < 0.1
+    assert np.sqrt(bends) < 0.1
+
+
+def stretched(F, mu=2.0, p=0.7):
+    """Cauchy stress and ln J of (n, 3, 3) F, neo-Hookean with a pressure p, one point a cell; and p + 2 mu dev V."""
+    J = np.linalg.det(F)
+    b = F @ np.swapaxes(F, 1, 2) * (J ** (-2.0 / 3.0))[:, None, None]
+    squares, axes = np.linalg.eigh(b)
+    V = (axes * np.sqrt(squares)[:, None, :]) @ np.swapaxes(axes, 1, 2)
+    both = [(of - np.trace(of, axis1=1, axis2=2)[:, None, None] / 3.0 * np.eye(3)) for of in (b, V)]
+    both = mu * both[0] / J[:, None, None] + p * np.eye(3), 2.0 * mu * both[1] + p * np.eye(3)
+    stress, exact = (np.stack([of[:, 0, 0], of[:, 1, 1], of[:, 0, 1], of[:, 2, 2]], axis=-1)[:, None] for of in both)
+    moduli = Moduli(np.full(len(F), mu), np.full(len(F), 1e3), np.zeros((len(F), 1)), np.zeros(len(F), POINT))
+    return stress, np.log(J)[:, None], moduli, exact
+
+
+@pytest.mark.parametrize("size", [1e-6, 1e-2, 0.3, 0.8])
+def test_stress_at_large_strain_is_that_of_the_stretch(size):
+    """By the eigenvalues of F F'; at small strain it is Cauchy's."""
+    F = np.zeros((50, 3, 3)) + np.eye(3)
+    F[:, :2, :2] += size * np.random.default_rng(1).uniform(-1.0, 1.0, (50, 2, 2))
+    F[:, 2, 2] += 0.5 * size
+    F = F[np.linalg.det(F) > 0.05]
+    stress, log_J, moduli, exact = stretched(F)
+    found = stress_of_stretch(stress, log_J, moduli)
+    assert np.abs(found - exact).max() < 1e-8 * size + 1e-13 * np.abs(exact).max()
+    assert size > 0.1 or np.abs(found - stress).max() < 20.0 * size**2
+
+
+def test_the_energy_at_large_strain_is_about_that_of_the_law():
+    """mu/2 (tr V V - 3) of a bar that is pulled, in each direction; the square of Cauchy stress has twelvefold at 4."""
+    for stretch, low, high in ((1.0001, 0.999, 1.001), (1.5, 0.98, 1.06), (2.0, 1.0, 1.12), (4.0, 1.0, 1.3)):
+        F = np.zeros((1, 3, 3)) + np.diag([stretch, 1.0 / stretch, 1.0])
+        stress, log_J, moduli, _ = stretched(F, p=0.0)
+        exact = 0.5 * moduli.mu[0] * (stretch**2 + stretch**-2 - 2.0)
+        found = stress_of_stretch(stress, log_J, moduli)
+        assert low < 0.5 * energies(found, moduli, np.ones((1, 1)))[0] / exact < high
+    assert 0.5 * energies(stress, moduli, np.ones((1, 1)))[0] > 5.0 * exact
+
+
+def test_rubber_that_is_squeezed_between_plates_is_told_what_it_misses():
+    """A quarter of a pad of 40 by 20 mm, glued and squeezed by 20 %: work of 107.9, 102.4, 100.0, and 97 J on the
+    finest mesh that was tried.  Its corners have no bound, and by the square of their stress a tenth was missed on any.
+    """
+    shares = []
+    for n in (4, 8, 16):
+        pad = block(np.linspace(0.0, 0.02, n + 1), np.linspace(0.0, 0.01, n // 2 + 1))
+        down = {"t": [0, 1], "value": [0, -0.002]}
+        half = elastic(pad, [hold("block.left", 0), hold("block.bottom", 1), hold("block.top", 0),
+                              hold("block.top", 1, down)], {"E": 2e6, "nu": 0.49, "alpha": 0.0})
+        state, told = half.start(inputs_of(half, 300.0), 0.0, NoLink())
+        for k in range(4):
+            state, told = done(half.step(state, inputs_of(half, 300.0), 0.25 * k, 0.25, NoLink()))
+        shares.append(told["mesh.missed.block"] / told["mesh.energy.block"])
+        assert 4.0 * told["mesh.energy.block"] == pytest.approx({4: 107.9, 8: 102.4, 16: 100.0}[n], rel=0.01)
+    assert shares == pytest.approx([0.1, 0.053, 0.03], rel=0.5)
 
 
 @pytest.mark.parametrize("form", ["mean dilatation", "plane stress"])
