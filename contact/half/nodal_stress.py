@@ -9,6 +9,11 @@ point by point opposite each other).  Its value at the node is exact where the s
 Fits stay within one part (a body, or one of its regions): where materials change stress may jump.  Two rows of cells
 tell no curvature across them, so that is taken to be 0; a single row tells nothing: how stress changes across it is not
 known.  What is fitted does not hang on the frame: offsets are taken in the axes and lengths of the patch.
+
+At a curve that goes into a body (a hole, a groove, a fillet) stress falls within its radius, and no polynomial over
+place does.  Where the centre of such a curve is given, place is the way along it and (1 - (radius/r)^2)/2 radii of
+depth, and stress turns with the curve: that of a thick tube (Lame) is of first order in this and that of a round hole
+(Kirsch) of second, however large the cells are.
 """
 
 from __future__ import annotations
@@ -33,7 +38,8 @@ QUADRATIC = ((2, 2, 9, False), (2, 3, 9, False), (2, 3, 6, True), *LINEAR)
 TERMS = {1: 3, 2: 6}
 SINGULAR = 1e-6  # of the eigenvalues of the normal equations: the places do not tell the polynomial
 MISSING = 1e-6  # of their trace: holds terms at 0 that the places do not tell, and hardly any other
-MOST = 10.0  # what places are off by comes to so many times as much at a node; 3.5 at an edge, 5 to 8 in a corner
+MOST = 12.0  # what places are off by comes to so many times as much at a node; 3.5 at an edge, 5 to 8 in a corner,
+# 10 at a hole of four quads a quarter
 NEAR = 0.05  # places count by 1/(NEAR + d^2), d their distance in the size of the patch
 ROWS = 2000  # nodes at a time
 
@@ -44,12 +50,25 @@ class NodalStress:
 
     node, part : (n_rows,) a node, and the part whose cells were fitted: a node has a row for each part there.
     fit : (n_rows, n_cells) takes means of cells to them.  known : (n_rows,) whether a patch could be fitted.
+    turned : (n_rows, n_cells), complex, the same of (11 - 22)/2 + i 12 where stress turns with a curve; None: fit.
     """
 
     node: Ints
     part: Ints
     fit: csr_matrix
     known: NDArray[np.bool_]
+    turned: csr_matrix | None = None
+
+    def of(self, stress: Floats) -> Floats:
+        """Return (n_rows, 4) [Pa] of stress : (n_cells, 4) [Pa], 11, 22, 12, 33."""
+        at_nodes = self.fit @ stress
+        # fault: stress does not turn with the curve -> turned = None | contact/test_nodal_stress
+        turned = self.turned
+        if turned is not None:
+            half = turned @ (0.5 * (stress[:, 0] - stress[:, 1]) + 1j * stress[:, 2])
+            mean = 0.5 * (at_nodes[:, 0] + at_nodes[:, 1])
+            at_nodes[:, :3] = np.stack([mean + half.real, mean - half.real, half.imag], axis=1)
+        return np.asarray(at_nodes)
 
 
 def von_mises(stress: Floats) -> Floats:
@@ -58,8 +77,12 @@ def von_mises(stress: Floats) -> Floats:
     return np.asarray(np.sqrt(0.5 * ((a - b) ** 2 + (b - c) ** 2 + (c - a) ** 2) + 3.0 * shear**2))
 
 
-def nodal_stress(interface: Interface, fits: Iterable[tuple[int, int, int, bool]] = QUADRATIC) -> NodalStress:
-    """Work out how stress at nodes follows from that of cells, which are quads first.  fits : LINEAR or QUADRATIC."""
+def nodal_stress(interface: Interface, fits: Iterable[tuple[int, int, int, bool]] = QUADRATIC,
+                 centres: Floats | None = None) -> NodalStress:
+    """Work out how stress at nodes follows from that of cells, which are quads first.
+
+    fits : LINEAR or QUADRATIC.  centres : (n_nodes, 2) [m] of curves that go into a body, nan of other nodes.
+    """
     n, n_cells = len(interface.nodes), len(interface.quads) + len(interface.triangles)
     part = np.concatenate([interface.quad_part, interface.triangle_part]).astype(np.intp)
     corners = [(interface.quads, 0), (interface.triangles, len(interface.quads))]
@@ -70,21 +93,27 @@ def nodal_stress(interface: Interface, fits: Iterable[tuple[int, int, int, bool]
     node, at = keys % n, interface.nodes[keys % n]
     # The mean of what lies around stands in where nothing can be fitted.
     around = touches.multiply(1.0 / touches.sum(axis=1)).tocsr()
-    done, known, blocks = np.zeros(keys.size, dtype=bool), np.zeros(keys.size, dtype=bool), []
-    for order, rings, least, partly in fits:
-        left = np.flatnonzero(~done)
+    done, known = np.zeros(keys.size, dtype=bool), np.zeros(keys.size, dtype=bool)
+    blocks: list[tuple[Ints, csr_matrix, csr_matrix]] = []
+    centre = np.full_like(at, np.nan) if centres is None else centres[node]
+    # fault: a hole is fitted as what is straight -> bent = np.zeros(keys.size, dtype=bool) | contact/test_nodal_stress
+    bent = np.isfinite(centre).all(axis=1)
+    for curved, (order, rings, least, partly) in [(c, of) for c in (True, False) for of in fits]:
+        left = np.flatnonzero(~done & (bent if curved else True))
         for first in range(0, left.size, ROWS):
             own = left[first:first + ROWS]
             patch = touches[own]
             for _ in range(rings - 1):
                 patch = patch @ touches.T @ touches
-            fit, good = _fitted(_inside(patch, places), X, at[own], order, least, partly)
-            blocks.append((own[good], fit[np.flatnonzero(good)] @ places))
+            *both, good = _fitted(_inside(patch, places), X, at[own], order, least, partly,
+                                  centre[own] if curved else None)
+            blocks.append((own[good], *(of[np.flatnonzero(good)] @ places for of in both)))
             done[own[good]] = known[own[good]] = True
     rest = np.flatnonzero(~done)
-    blocks.append((rest, around[rest]))
-    back = np.argsort(np.concatenate([own for own, _ in blocks]), kind="stable")
-    return NodalStress(node, keys // n, csr_matrix(vstack([fit for _, fit in blocks]).tocsr()[back]), known)
+    blocks.append((rest, around[rest], around[rest]))
+    back = np.argsort(np.concatenate([own for own, *_ in blocks]), kind="stable")
+    fit, turned = (csr_matrix(vstack([block[k] for block in blocks]).tocsr()[back]) for k in (1, 2))
+    return NodalStress(node, keys // n, fit, known, turned if bent.any() else None)
 
 
 def _places(interface: Interface) -> tuple[csr_matrix, Floats]:
@@ -121,11 +150,22 @@ def _inside(patch: csr_matrix, places: csr_matrix) -> csr_matrix:
     return shared
 
 
-def _fitted(inside: csr_matrix, X: Floats, at: Floats, order: int, least: int, partly: bool
-            ) -> tuple[csr_matrix, NDArray[np.bool_]]:
-    """What each place counts in the value at nodes, (n_rows, n_places), and (n_rows,) where it can be told.
+def _along(X: Floats, at: Floats, centre: Floats) -> tuple[Floats, Floats]:
+    """(n, 2) [m] the way along a curve of this centre, and depth as it counts there, of X : (n, 2) seen from `at`; and
+    (n,) the angle [rad] between them."""
+    out, d = at - centre, X - centre
+    radius = np.hypot(*out.T)
+    angle = np.arctan2(out[:, 0] * d[:, 1] - out[:, 1] * d[:, 0], (out * d).sum(axis=1))
+    squares = np.maximum((d**2).sum(axis=1), np.finfo(float).tiny)
+    return np.stack([radius * angle, 0.5 * radius * (1.0 - radius**2 / squares)], axis=1), angle
 
-    X : (n_places, 2), at : (n_rows, 2) [m].
+
+def _fitted(inside: csr_matrix, X: Floats, at: Floats, order: int, least: int, partly: bool,
+            centre: Floats | None = None) -> tuple[csr_matrix, csr_matrix, NDArray[np.bool_]]:
+    """What each place counts in the value at nodes, (n_rows, n_places), the same of what turns with a curve, complex,
+    and (n_rows,) where it can be told.
+
+    X : (n_places, 2), at : (n_rows, 2) [m].  centre : (n_rows, 2) [m] of the curves that they are on.
     """
     n, count = inside.shape[0], np.diff(inside.indptr)
     row, place = np.repeat(np.arange(n), count), inside.indices
@@ -135,7 +175,10 @@ def _fitted(inside: csr_matrix, X: Floats, at: Floats, order: int, least: int, p
         columns = values.reshape(len(row), math.prod(shape)).T
         return np.stack([np.bincount(row, column, n) for column in columns], axis=1).reshape(n, *shape)
 
-    d = X[place] - at[row]
+    d, turn = X[place] - at[row], np.ones(len(row))
+    if centre is not None:
+        d, angle = _along(X[place], at[row], centre[row])
+        turn = np.exp(-2j * angle)
     many = np.maximum(count, 1)[:, None]
     off = d - (summed(d) / many)[row]
     size, axes = np.linalg.eigh(summed(off[:, :, None] * off[:, None, :]) / many[:, :, None])
@@ -159,4 +202,5 @@ def _fitted(inside: csr_matrix, X: Floats, at: Floats, order: int, least: int, p
     counts = weight * (terms * value[row]).sum(axis=1)
     # fault: a fit that makes much of what places are off by is taken -> pass | contact/test_nodal_stress
     good &= np.bincount(row, np.abs(counts), n) < MOST
-    return csr_matrix(coo_matrix((counts, (row, place)), shape=inside.shape)), good
+    both = [csr_matrix(coo_matrix((of, (row, place)), shape=inside.shape)) for of in (counts, counts * turn)]
+    return both[0], both[1], good

@@ -13,7 +13,7 @@ sys.path.insert(0, str(Path(__file__).parent))
 from mesh_scenes import rectangles
 
 from contact.half.interface import Interface
-from coupler.trust.in_space.stress_corners import places_without_bound
+from coupler.trust.in_space.stress_corners import curve_centres, places_without_bound
 
 MODEL = {"bodies": {"b": {"material": "m"}}}
 
@@ -51,6 +51,16 @@ def test_a_quarter_of_it_on_rollers_has_none_either_and_clamped_has(around):
     clamped = {**MODEL, "boundary": [{"on": "b.x", "u_y": 0.0, "u_x": 0.0}, {"on": "b.y", "u_x": 0.0}]}
     n = around + 1
     assert places_without_bound(scene, clamped) == {0: "what is held ends there", 2 * n: "what is held ends there"}
+
+
+@pytest.mark.parametrize("quarter", [True, False])
+def test_the_centre_of_a_hole(quarter):
+    """Of a quarter at its two ends too, which are corners of the body alone.  The outside of a ring is no such curve."""
+    scene = ring(12, quarter)
+    found = curve_centres(replace(scene, nodes=scene.nodes + (3.0, -1.0)))
+    inside = np.hypot(*scene.nodes.T) < 1.5
+    assert found[inside] == pytest.approx(np.tile([3.0, -1.0], (int(inside.sum()), 1)))
+    assert np.isnan(found[~inside]).all()
 
 
 def test_a_corner_that_goes_into_a_body():

@@ -4,8 +4,8 @@ A half tells the mean stress of its cells (output sigma).  At a surface, where s
 stress half a cell away, and what few cells of a mesh are off by at one place is nothing of the energy of a body.  So
 what is told is held against the stress at nodes that a field fitted to the cells around has there (nodal_stress.py), of
 the second order and of the first.  What they differ by says how well the fit itself is known, and the larger of both
-differences is the error.  A fit knows nothing of what is smaller than the cells: at a curve that goes into a body of
-quads the stress is taken to fall as at a round hole, if that makes the error larger.
+differences is the error.  At curves that go into a body fits are of depth as it counts there, and where cells are too
+large for those too, the stress of quads is taken to fall as at a round hole, if that makes the error larger.
 
 Of a body the largest von Mises and the largest principal stress are held so, unless they are where stress has no bound
 (stress_corners.py): most scenes have such a place.  Where nobody asks for them that is told and breaks no run; a probe
@@ -26,12 +26,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from contact.half.interface import Interface
-from contact.half.nodal_stress import LINEAR, NodalStress, nodal_stress, von_mises
+from contact.half.nodal_stress import LINEAR, QUADRATIC, NodalStress, nodal_stress, von_mises
 from coupler.fmu.half import Block
 from coupler.fmu.outputs import On, component_of, place_of
 from coupler.scenario.probes import Probe
 from coupler.trust.checks import Check, TrustVerdict, amount, measured
-from coupler.trust.in_space.stress_corners import curves, places_without_bound
+from coupler.trust.in_space.stress_corners import curve_centres, curves, places_without_bound
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.intp]
@@ -102,7 +102,7 @@ class PeakStress:
         if not self._bodies or not np.isfinite(stress).all():
             return log
         of_cells = {VON_MISES: told.get("sigma_v", von_mises(stress)), PRINCIPAL: _principal(stress)}
-        rows = [fit.fit @ stress for fit in self._fits]
+        rows = [fit.of(stress) for fit in self._fits]
         of_rows = [{VON_MISES: von_mises(row), PRINCIPAL: _principal(row)} for row in rows]
         found, highest = {}, dict(log.highest)
         for body, b in self._bodies.items():
@@ -113,7 +113,8 @@ class PeakStress:
                 smooth, straight = (of[kind][own] for of in of_rows)
                 at = int(self._fits[0].node[own[np.argmax(smooth)]])
                 of = _found(values[cells].max(), smooth.max(), straight.max(), t, at)
-                found[f"{body} {kind}"] = self._curved(of, int(cells[np.argmax(values[cells])]))
+                found[f"{body} {kind}"] = self._curved(of, int(cells[np.argmax(values[cells])]),
+                                                       of_cells[VON_MISES])
             highest[body] = max(highest.get(body, 0.0), found[f"{body} {VON_MISES}"].told)
         for name, (probe, quantity, column) in self._probes.items():
             if self._known[probe.nodes].all():
@@ -193,30 +194,37 @@ class PeakStress:
         elif probe.reduction == "point":
             node = int(probe.nodes[np.argmax(probe.weights)])
         found = _found(probe.of_cells(values), probe.of(smooth), probe.of(straight), t, node)
-        if quantity == "sigma_v" and probe.reduction == "max":
-            return self._curved(found, int(probe.cells[np.argmax(values[probe.cells])]))
-        return found
+        of_cells = values[probe.cells]
+        most = {"max": of_cells, "min": -of_cells, "point": probe.cell_weights}.get(probe.reduction)
+        return found if most is None else self._curved(found, int(probe.cells[np.argmax(most)]), sigma_v)
 
-    def _curved(self, found: Found, cell: int) -> Found:
+    def _curved(self, found: Found, cell: int, sigma_v: Floats) -> Found:
         """What is told by a cell at a curve that goes into its body, too large for the radius of that.
 
         No fit knows what cells have nothing of.  At the side of a round hole (Kirsch) stress is highest and falls at a
-        depth d to (1 + 1/(2 s2) + 3/(2 s4))/3 of that, s = 1 + d/radius; in a thick tube it falls alike.
+        depth d to (1 + 1/(2 s2) + 3/(2 s4))/3 of that, s = 1 + d/radius; in a thick tube it falls alike.  Elsewhere
+        along a curve it falls less where it is less: by the share that the cell has of the highest there.
         """
         depth, node = self._depths.get(cell, (0.0, -1))
         s = 1.0 + depth
-        # fault: cells as large as a notch are trusted -> highest = found.told | coupler/test_trust_peak_stress
-        highest = 3.0 * found.told / (1.0 + 0.5 / s**2 + 1.5 / s**4)
-        if highest - found.told <= found.off:
+        # fault: cells as large as a notch are trusted -> more = 0.0 | coupler/test_trust_peak_stress
+        more = 3.0 / (1.0 + 0.5 / s**2 + 1.5 / s**4) - 1.0
+        if node >= 0:
+            body = self._interface.quad_body
+            along = [k for k in self._depths if body[k] == body[cell]]
+            # fault: all of a hole is told as its highest place -> pass | coupler/test_trust_peak_stress
+            more *= float(sigma_v[cell] / max(sigma_v[along].max(), np.finfo(float).tiny))
+        if more * abs(found.told) <= found.off:
             return found
-        return Found(found.told, highest, highest - found.told, found.t, node, True)
+        return Found(found.told, (1.0 + more) * found.told, more * abs(found.told), found.t, node, True)
 
     def _body(self, probe: Probe) -> str:
         return self._interface.bodies[self._interface.node_body[probe.nodes[0]]]
 
     @cached_property
     def _fits(self) -> tuple[NodalStress, NodalStress]:
-        return nodal_stress(self._interface), nodal_stress(self._interface, LINEAR)
+        centres = curve_centres(self._interface)
+        return nodal_stress(self._interface, QUADRATIC, centres), nodal_stress(self._interface, LINEAR, centres)
 
     @cached_property
     def _cells(self) -> dict[int, tuple[Ints, Ints]]:

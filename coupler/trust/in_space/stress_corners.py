@@ -65,6 +65,29 @@ def curves(interface: Interface) -> dict[int, tuple[float, int, int]]:
             if STRAIGHT < turn[k] <= CURVE * max(turn[ahead[k]], turn[behind[k]])}
 
 
+def curve_centres(interface: Interface) -> Floats:
+    """Return (n_nodes, 2) [m] the centres of curves that go into a body, nan of nodes that are on none.
+
+    Of the circle through a node and its neighbours.  A curve may end at a side of its body, as a hole does at a line of
+    symmetry: that node has the circle of its neighbour, which it is on.
+    """
+    X, found = interface.nodes, np.full_like(interface.nodes, np.nan)
+    angle, ahead, behind = _outline(interface)
+    on = curves(interface)
+    for k, (_, one, other) in on.items():
+        (a, b), (c, d) = 2.0 * (X[one] - X[k]), 2.0 * (X[other] - X[k])
+        p, q = (float(X[j] @ X[j] - X[k] @ X[k]) for j in (one, other))
+        # It turns in, so the three are on no line.
+        found[k] = np.array([p * d - b * q, a * q - c * p]) / (a * d - b * c)
+    for k in np.flatnonzero((ahead >= 0) & (angle < np.pi - CORNER)).tolist():
+        # fault: a hole that ends at a line of symmetry is straight there -> next_to: list[int] = [] |
+        #   coupler/test_stress_corners
+        next_to = [j for j in (int(ahead[k]), int(behind[k])) if j in on]
+        if next_to:
+            found[k] = found[next_to[0]]
+    return found
+
+
 def _ends(interface: Interface, entry: Mapping[str, Any], ahead: Ints, behind: Ints
           ) -> tuple[list[int], list[int], list[int]]:
     """Nodes of a boundary condition: points it holds or loads, ends of a clamped surface, ends of one on rollers."""
