@@ -55,7 +55,7 @@ def test_a_quarter_of_it_on_rollers_has_none_either_and_clamped_has(around):
 
 @pytest.mark.parametrize("quarter", [True, False])
 def test_the_centre_of_a_hole(quarter):
-    """Of a quarter at its two ends too, which are corners of the body alone.  The outside of a ring is no such curve."""
+    """Of a quarter at its two ends too, which are corners of the body alone.  The outside of a ring is none."""
     scene = ring(12, quarter)
     found = curve_centres(replace(scene, nodes=scene.nodes + (3.0, -1.0)))
     inside = np.hypot(*scene.nodes.T) < 1.5
