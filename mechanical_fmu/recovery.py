@@ -188,6 +188,12 @@ class Stressed:
     fit: NodalStress | None = None
     heat: Sequence[Floats | None] | None = None
 
+    def pressure_jumps(self, kinds: Sequence[Cells], n_nodes: int) -> list[Floats]:
+        """Return how far the recovered pressure is above that of the cells, (n_e, nq) [Pa], tension positive."""
+        stress = self.without_heat()
+        return [(smooth - of)[..., [0, 1, 3]].mean(axis=-1)
+                for smooth, of in zip(recovered(kinds, stress, n_nodes, self.fit), stress, strict=True)]
+
     def without_heat(self) -> list[Floats]:
         """Return the stress, (n_e, nq, 4) [Pa], without that of heat across the plane."""
         # fault: heat that is held across the plane is missed -> heat = [None] * len(self.stress) |
