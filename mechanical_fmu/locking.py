@@ -52,7 +52,7 @@ def locked_energy(interface: Interface, x: Floats, free: Floats, kinds: Sequence
     (n_e, nq) [Pa] how far the recovered pressure is above that of the cells, tension positive.
     """
     n, n_cells = len(x), len(interface.quads) + len(interface.triangles)
-    now = replace(interface, nodes=np.ascontiguousarray(x))
+    volume = DeformableMesh(cells_of(replace(interface, nodes=np.ascontiguousarray(x))), n)
     mu, jump = np.zeros(n_cells), np.zeros(n_cells)
     for cells, of, m in zip(kinds, jumps, moduli, strict=True):
         mu[cells.number] = m.mu
@@ -62,8 +62,8 @@ def locked_energy(interface: Interface, x: Floats, free: Floats, kinds: Sequence
         jump[cells.number] = np.where(held, (of * cells.weight).sum(axis=1) / cells.volume, 0.0)
     # Rigid bodies have no modulus, and follow nothing.
     alike = tuple(Moduli(of, FOLLOWS * of, np.zeros((len(of), 1)))
-                  for c in cells_of(now) for of in [np.where(mu[c.number] > 0.0, mu[c.number], 1.0)])
-    volume, r = DeformableMesh(cells_of(now), n), np.zeros((n, 2))
+                  for c in volume.kinds for of in [np.where(mu[c.number] > 0.0, mu[c.number], 1.0)])
+    r = np.zeros((n, 2))
     for c in volume.kinds:
         f = np.einsum("eqai,eq->eai", c.B, c.weight)
         f[..., 0] += np.einsum("eqa,eq->ea", c.N_over_R, c.weight)
