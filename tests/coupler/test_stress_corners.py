@@ -63,6 +63,14 @@ def test_the_centre_of_a_hole(quarter):
     assert np.isnan(found[~inside]).all()
 
 
+def test_the_tip_of_an_ellipse_is_no_corner():
+    """Four edges a quarter, 0.4 to 1: they turn in by 0.77 rad beside the tip, by 0.24 next to that."""
+    scene = ring(4, True)
+    tip = curve_centres(replace(scene, nodes=scene.nodes * (0.4, 1.0)))[4]
+    assert np.abs(tip[0]) < 1e-9
+    assert 0.7 < tip[1] < 0.84  # 1 - 0.4^2 in the limit
+
+
 def test_a_corner_that_goes_into_a_body():
     """An L of three cells: its inner corner, and where what is held on its lower side ends within a straight edge."""
     nodes = [(x, y) for y in range(3) for x in range(3)]

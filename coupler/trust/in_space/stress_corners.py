@@ -61,15 +61,20 @@ def curves(interface: Interface) -> dict[int, tuple[float, int, int]]:
     """Return node -> by how much [rad] a body turns in there, and its neighbours, of nodes on curves and no corners."""
     angle, ahead, behind = _outline(interface)
     turn = angle - np.pi
+    # A curve may end at a line of symmetry, and goes on beyond it.
+    ends = (ahead >= 0) & (angle < np.pi - CORNER)
+    # fault: the tip of an ellipse is a corner beside its line of symmetry -> pass | coupler/test_stress_corners
+    turn[ends] = np.maximum(turn[ends], 2.0 * angle[ends] - np.pi)
     return {k: (float(turn[k]), int(ahead[k]), int(behind[k])) for k in np.flatnonzero(ahead >= 0).tolist()
-            if STRAIGHT < turn[k] <= CURVE * max(turn[ahead[k]], turn[behind[k]])}
+            if not ends[k] and STRAIGHT < turn[k] <= CURVE * max(turn[ahead[k]], turn[behind[k]])}
 
 
 def curve_centres(interface: Interface) -> Floats:
     """Return (n_nodes, 2) [m] the centres of curves that go into a body, nan of nodes that are on none.
 
     Of the circle through a node and its neighbours.  A curve may end at a side of its body, as a hole does at a line of
-    symmetry: that node has the circle of its neighbour, which it is on.
+    symmetry: there one neighbour is the mirror image of the other.  Where that would be a corner, it has the circle of
+    its neighbour, which it is on.
     """
     X, found = interface.nodes, np.full_like(interface.nodes, np.nan)
     angle, ahead, behind = _outline(interface)
@@ -83,8 +88,12 @@ def curve_centres(interface: Interface) -> Floats:
         # fault: a hole that ends at a line of symmetry is straight there -> next_to: list[int] = [] |
         #   coupler/test_stress_corners
         next_to = [j for j in (int(ahead[k]), int(behind[k])) if j in on]
-        if next_to:
-            found[k] = found[next_to[0]]
+        if not next_to:
+            continue
+        other = int(behind[k]) if next_to[0] == ahead[k] else int(ahead[k])
+        out, d = (X[k] - X[other]) / np.hypot(*(X[k] - X[other])), X[next_to[0]] - X[k]
+        mirrored = 0.0 < 2.0 * angle[k] - np.pi <= CURVE * on[next_to[0]][0] and d @ out > 0.0
+        found[k] = X[k] + out * (d @ d) / (2.0 * d @ out) if mirrored else found[next_to[0]]
     return found
 
 
