@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from contact.half.interface import Interface
+from contact.half.interface import Interface, Pair
 from coupler import load_scenario, run
 from coupler.fmu.launch import launch
 from coupler.running.resume import resume
@@ -257,3 +257,7 @@ def test_cells_as_large_as_a_notch():
         s = 1.0 + 0.3
         assert found.at_nodes == pytest.approx(3e6 / (1.0 + 0.5 / s**2 + 1.5 / s**4), rel=0.05)
         assert found.curved
+        hole = {"b.hole": np.array([[k + 1, k] for k in range(3)], np.int32)}
+        tied = replace(interface, surfaces=hole, pairs=(Pair("p", "b.hole", "b.hole", 0.1, 0.0, tied=True),))
+        log = PeakStress(tied, {"bodies": {"b": {}}}, {}).watched(PeakLog(), {"sigma": stress}, 1.0)
+        assert not log.worst["b von Mises stress"].curved
