@@ -278,5 +278,5 @@ def _missed(said: Mapping[str, Array]) -> float:
         if name.startswith("mesh.energy.") and energy > 0.0:
             missed, uneven = (float(said.get(name.replace("energy", what, 1), np.array(0.0)))
                               for what in ("missed", "uneven"))
-            shares.append(missed / (missed + float(energy) + uneven))
+            shares.append(min(missed / (float(energy) + uneven), 1.0))
     return max(shares)
