@@ -58,6 +58,17 @@ def test_a_body_that_rests_or_slides_evenly_is_not_told_by_its_round_off() -> No
     assert judged(np.stack([1e-3 * np.arange(200), np.zeros(200)], axis=1) + 1e-13 * noise, 1e-3).number == 0.0
 
 
+def test_a_body_that_settles_on_its_contact_does_not_shake() -> None:
+    """It sinks by 0.1 nm and stays, by a ten thousandth of its weight: that was told as an oscillation, with exit 4."""
+    weighs = {"dynamics": {}, "gravity": {"y": -9.81}}
+    settled = along_y(np.append(0.0, np.full(20, -1e-10)))
+    assert not judged(settled, 6e-4, model=weighs).number > 0.0
+    assert judged(settled, 6e-4).number > LIMIT
+    k = np.arange(161)
+    shaken = along_y(1e-6 * np.sin(math.pi * k / 2 + 0.3))
+    assert judged(shaken, 1e-5, model=weighs).verdict is BROKEN
+
+
 def test_a_force_that_jumps_at_a_breakpoint_is_no_oscillation() -> None:
     t = np.arange(101) * 1e-4
     y = np.where(t <= 5e-3, 0.5 * t**2, 1.25e-5 + 5e-3 * (t - 5e-3) - 0.5 * (t - 5e-3) ** 2)

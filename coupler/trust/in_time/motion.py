@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from contact.half.functions import signal_from
 from contact.half.interface import Interface
 from coupler.scenario.timing import has_inertia
 from coupler.trust.checks import Check, TrustVerdict, measured
@@ -28,6 +29,7 @@ NOTE_AT, LIMIT = 0.15, 0.4
 # Of the path of a body, and of coordinates: accelerations that move it less in a window are residuals and round-off.
 OF_PATH, OF_PLACE = 1e-7, 1e-14
 COUNTS = 0.1  # of the body that is accelerated most: the others lie on something
+OF_WEIGHT = 0.01  # of gravity: what changes less presses as evenly as its weight
 
 
 @dataclass(frozen=True)
@@ -60,6 +62,11 @@ class Motion:
         self.has_inertia = has_inertia(model)
         self._bodies = interface.bodies
         self._limit = LIMIT if any(p.mu > 0.0 for p in interface.pairs) else math.inf
+        gravity = model.get("gravity") or {}
+        g = math.hypot(*(float(np.abs(signal_from(gravity.get(axis) or 0.0).value).max()) for axis in ("x", "y")))
+        # fault: a body that settled on its contact is told to shake -> self._least = 0.0 * g |
+        #   coupler/test_trust_motion
+        self._least = OF_WEIGHT * g
         self._round_off = OF_PLACE * float(np.abs(interface.nodes).max(initial=0.0))
         self._why_not = ("the mechanical half takes steps of its own in a window" if explicit else
                          f"the mechanical half takes {substeps} steps in a window" if substeps > 1 else "")
@@ -80,11 +87,14 @@ class Motion:
             return known
         a = (v - log.v) / (0.5 * (H + log.H))
         size = np.linalg.norm(a, axis=1)
+        size = np.where(size > self._least, size, 0.0)
         known = replace(known, a=a, accelerated=log.accelerated + H * size, moved=log.moved + H * H * size)
         if not len(log.a):
             return known
         # fault: a motion that windows do not resolve is trusted -> return known | coupler/test_trust_motion
-        return replace(known, changed=log.changed + H * np.linalg.norm(a - log.a, axis=1))
+        counts = (size > 0.0) | (np.linalg.norm(log.a, axis=1) > self._least)
+        more = np.where(counts, np.linalg.norm(a - log.a, axis=1), 0.0)
+        return replace(known, changed=log.changed + H * more)
 
     def checks(self, log: MotionLog) -> tuple[Check, ...]:
         """Return the check at the end; none without inertia."""
