@@ -65,6 +65,27 @@ def test_a_pair_that_states_its_fit_is_not_told_of_the_drawing() -> None:
     assert start_notes(replace(interface, offset={"p": np.full(2 * N, 0.01)}), {}) == []
 
 
+def rings(gap: float, smooth: bool) -> Interface:
+    """A quarter of a shaft of radius 1 in a hub, with edges whose nodes do not face each other."""
+    counts = (7, 9)
+    turn = [np.linspace(0.0, np.pi / 2, n) for n in counts]
+    nodes = np.concatenate([r * np.column_stack([np.cos(a), np.sin(a)])
+                            for r, a in ((1.0, turn[0]), (1.0 + gap, turn[1][::-1]))])
+    shaft, hub = (np.column_stack([np.arange(n - 1), np.arange(1, n)]).astype(np.int32) for n in counts)
+    return replace(strips(smooth=smooth), nodes=nodes,
+                   surfaces={"upper.bottom": shaft, "lower.top": (hub + counts[0]).astype(np.int32)})
+
+
+@pytest.mark.parametrize(("gap", "smooth", "told"), [
+    (1e-3, True, ""), (1e-3, False, "arcs of which they are chords do not overlap"),
+    (-4e-3, False, "that is a press fit"), (-4e-3, True, "are drawn 0.004 m into each other")])
+def test_arcs_are_told_from_their_chords_that_overlap(gap: float, smooth: bool, told: str) -> None:
+    """Edges of 0.2 lie 5e-3 inside their arcs: chords overlap, which presses nothing of a pair that is smooth."""
+    notes = start_notes(rings(gap, smooth), {})
+    assert len(notes) == bool(told)
+    assert told in "".join(notes)
+
+
 def test_a_surface_that_faces_itself_says_what_it_leaves_out() -> None:
     interface = strips(master="upper.bottom")
     notes = start_notes(interface, {})
