@@ -226,6 +226,11 @@ class ProbeReader:
         return np.array([p.half == "mechanical" or p.quantity in OF_MECHANICS for p in self._probes.values()],
                         dtype=bool)
 
+    @property
+    def of_a_step(self) -> NDArray[np.bool_]:
+        """(n_probes,) whether a probe tells what one step moved, in their order."""
+        return np.array([bool(p.of_a_step) for p in self._probes.values()], dtype=bool)
+
     def values(self, level: Level, look: Look | None = None) -> Array:
         """Return the probes (n_probes,) in SI, in their order; the halves are at the time of the level.
 
@@ -252,16 +257,18 @@ class ProbeReader:
         return np.array(found)
 
     def measurable(self, level: Level) -> Array:
-        """Return the probes as `values` does, but nan for a gap where a node faces nothing.
+        """Return the probes as `values` does, but nan for a gap where a node faces nothing and for what one step moved.
 
         There it is told as `gap_max`, and from one answer of a window to the other it may jump by all of that: no error
-        of time tells of it.
+        of time tells of it.  What a step moved is half as much in half the step.
         """
         out_of_reach = [pair.gap_max for pair in self._interface.pairs]
         gaps = np.array([probe.quantity == "gap" for probe in self._probes.values()], dtype=bool)
         found = self.values(level)
         # fault: a node that faces nothing counts as an error of its gap -> return found | coupler/test_trust_errors
-        return np.where(gaps & np.isin(found, out_of_reach), np.nan, found)
+        # fault: what half a step moves is an error of the whole -> return np.where(gaps & np.isin(found, out_of_reach),
+        #   np.nan, found) | coupler/test_probes_of_a_step
+        return np.where(self.of_a_step | (gaps & np.isin(found, out_of_reach)), np.nan, found)
 
     def named(self, level: Level) -> dict[str, float]:
         """Name -> value."""

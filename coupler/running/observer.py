@@ -215,6 +215,8 @@ class Observer:
         # Read once more only where the halves went on from there.
         followed = tried.looked if self._scenario.probes else None
         probes = self.probes.values(now, look) if followed is None else followed.values
+        if followed is not None and self.probes.of_a_step.any():
+            probes = np.where(self.probes.of_a_step, self.probes.values(now, look), probes)
         self.recorder.window(tried.solved, facts, ledger, probes, record)
 
 

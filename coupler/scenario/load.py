@@ -36,7 +36,7 @@ from coupler.scenario.notes import contact_notes, mean_T0, scaled_temperatures, 
 from coupler.scenario.own_mesh import OwnMesh, own_mesh_of
 from coupler.scenario.plausible import unlikely, unlikely_text
 from coupler.scenario.plausible_loads import unlikely_loads
-from coupler.scenario.probes import Probe, probes_of
+from coupler.scenario.probes import Probe, probe_notes, probes_of
 from coupler.scenario.problems import problem_of
 from coupler.scenario.quantities import with_overrides, with_plain_numbers
 from coupler.scenario.recordings import TakenRecording, recordings_of, with_recording
@@ -143,7 +143,7 @@ class Scenario:
         if self.temperature_unit != "K":
             given = [what for rule in self.rules for what in (*rule.do, rule.drive) if isinstance(what, Give | Drive)]
             found += scaled_temperatures(thermal, [g.name for g in given if g.half == "thermal"])
-        found += loose_iterations(self.coupling)
+        found += loose_iterations(self.coupling) + probe_notes(self.probes)
         return tuple(found + contact_notes(self.interface, thermal, self.models["mechanical"]) +
                      thermal_notes(thermal, self.interface.pairs, mean_T0(thermal, self.interface)))
 

@@ -22,6 +22,14 @@ UNITS = {"T": "K", "u_x": "m", "u_y": "m", "gap": "m", "p": "Pa", "f_s": "1"}
 AT_CONTACT = ("gap", "p")
 OF_MECHANICS = ("u_x", "u_y", *AT_CONTACT)
 VALUE = "value"  # in the place of a point: an output that belongs to no place of the mesh
+# Outputs that tell what one step moved or took: they hang on how long it is (docs/design.md).  Of some the sum since
+# the start is told, too.
+OF_A_STEP = ("heat", "surface.E", "E_M", "E_S", "contact.E_friction", "contact.slip", "max_dT", "max_strain_increment",
+             "heat_moved", "heat_rounding", "iterations", "residual", "substeps", "rejected", "cuts", "program.runs",
+             "program.tolerance", "across.iterations", "across.off")
+_BY_CONDITION = "`heat.NAME` of a named condition, `heat.source.BODY` and `heat.pair.NAME[1]` are"
+SINCE_START = {"heat": _BY_CONDITION, "surface.E": _BY_CONDITION, "contact.E_friction": _BY_CONDITION,
+               "contact.slip": "`mechanical.contact.slip_path` is", "E_M": "`mechanical.flow.BODY` is"}
 NONE, NO_WEIGHTS = np.empty(0, dtype=np.int32), np.empty(0)
 
 
@@ -54,6 +62,14 @@ class Probe:
     def output(self) -> str:
         """The name of that output, with its component."""
         return (self.source or self.quantity).partition(".")[2]
+
+    @property
+    def of_a_step(self) -> str:
+        """The one of OF_A_STEP that it reads, or whose parts; empty where it reads none."""
+        if not self.half:
+            return ""
+        bare = self.output.partition("[")[0]
+        return next((name for name in OF_A_STEP if bare == name or (name == "heat" and bare.startswith("heat."))), "")
 
     @property
     def placeless(self) -> bool:
@@ -90,6 +106,15 @@ def probes_of(c: Context, conditions: Mapping[str, ConditionOutput]) -> dict[str
         with c.found.each():
             found[name] = _probe(c, spec, ("probes", name), conditions)
     return found
+
+
+def probe_notes(probes: Mapping[str, Probe]) -> list[str]:
+    """A sentence each on probes whose values hang on the size of windows."""
+    # fault: what one step moved is told in silence -> told = {} | coupler/test_probes_of_a_step
+    told = {name: probe for name, probe in probes.items() if probe.of_a_step}
+    return [f"probe {name}: {probe.quantity} is of the last substep alone, so its size hangs on how long that is, and "
+            "no error is estimated of it" + (f"; {SINCE_START[probe.of_a_step]} since the start"
+                                          if probe.of_a_step in SINCE_START else "") for name, probe in told.items()]
 
 
 def _probe(c: Context, spec: ProbeSpec, key: Key, conditions: Mapping[str, ConditionOutput]) -> Probe:

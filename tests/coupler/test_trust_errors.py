@@ -233,7 +233,7 @@ class Told(ProbeReader):
     """Probes of a scene with one pair that looks 6 mm far, whose values are given."""
 
     def __init__(self, quantities: list[str], values: list[float]) -> None:
-        self._probes: Any = {f"{k}": SimpleNamespace(quantity=q) for k, q in enumerate(quantities)}
+        self._probes: Any = {f"{k}": SimpleNamespace(quantity=q, of_a_step="") for k, q in enumerate(quantities)}
         self._interface: Any = SimpleNamespace(pairs=[SimpleNamespace(gap_max=0.006)])
         self._values = np.array(values)
 
