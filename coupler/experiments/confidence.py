@@ -48,6 +48,8 @@ def confidence(scenario: Scenario, results: Results, *, mesh: bool = False,
                ) -> dict[str, ProbeConfidence]:
     """Return the error of each probe of a run that completed, by companions in windows of 2 and 4 times the size.
 
+    Of none that tells what one step moved.
+
     mesh : and by one on a mesh of half as many cells along each edge, whose error is added.
     companions : of `check_companions`, where they were built before the run.
     on_trial : called with the name of each companion; returns what is called with the share of it that is done.
@@ -60,7 +62,9 @@ def confidence(scenario: Scenario, results: Results, *, mesh: bool = False,
               for c, (name, factor) in zip(companions, jobs, strict=True)]
     order = _order(scenario, results)
     found = {}
-    for name in results.probe_names:
+    # fault: what one step moved is held against coarser windows -> for name in results.probe_names: |
+    #   coupler/test_probes_of_a_step
+    for name in (n for n in results.probe_names if not scenario.probes[n].of_a_step):
         error = by_windows(name, results, trials[:2], order)
         if mesh:
             error = with_mesh(error, name, results, trials[2])

@@ -8,7 +8,9 @@ import numpy as np
 import pytest
 
 from coupler import load_scenario, run
+from coupler.experiments.confidence import confidence
 from coupler.scenario.probes import NO_WEIGHTS, NONE, Probe, probe_notes
+from coupler.trust.confidence import check
 
 SCENE = """\
 slideline: 2
@@ -45,6 +47,7 @@ def test_what_a_step_took_has_no_error_of_time(tmp_path: Path) -> None:
     assert (step[1:] > 0.0).all()
     assert (step[1:] <= np.diff(lamp) * (1.0 + 1e-9)).all(), "of the last substep, no more than of its window"
     assert lamp[-1] == pytest.approx(2.0e4 * 0.01 * 600.0, rel=1e-9)
+    assert set(confidence(scenario, results)) == {"lamp", "T"}
     notes = [note for note in scenario.notes if note.startswith("probe ")]
     assert [note.partition(":")[0] for note in notes] == ["probe step", "probe solves"]
     assert "`heat.NAME` of a named condition" in notes[0]
@@ -58,3 +61,7 @@ def test_outputs_of_a_step_are_told_from_those_of_its_end(quantity: str, source:
     probe = Probe(quantity, "", "point", NONE, NO_WEIGHTS, source=source)
     assert probe.of_a_step == of
     assert len(probe_notes({"a": probe})) == bool(of)
+
+
+def test_without_other_probes_coarser_windows_have_nothing_to_tell() -> None:
+    assert check({}).what == "every probe tells what one step moved"

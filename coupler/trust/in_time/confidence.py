@@ -61,7 +61,8 @@ def check(found: Mapping[str, ProbeConfidence]) -> Check:
     """Return the row of the trust table."""
     failed = next((f.failed for f in found.values() if f.failed), "")
     if failed or not found:
-        return Check(NAME, TrustVerdict.UNCHECKED, what=f"a comparison run has no result: {failed}")
+        return Check(NAME, TrustVerdict.UNCHECKED, what=f"a comparison run has no result: {failed}" if failed else
+                     "every probe tells what one step moved")
     name = max(found, key=lambda n: found[n].share)
     worst = found[name]
     unlike = [f"{n} ({f.words})" for n, f in found.items() if not f.as_expected and f.share > NOTE_AT]
