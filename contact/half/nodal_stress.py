@@ -8,7 +8,8 @@ point by point opposite each other).  Its value at the node is exact where the s
 
 Fits stay within one part (a body, or one of its regions): where materials change stress may jump.  Two rows of cells
 tell no curvature across them, so that is taken to be 0; a single row tells nothing: how stress changes across it is not
-known.  What is fitted does not hang on the frame: offsets are taken in the axes and lengths of the patch.
+known.  Along a straight one it is: what it is off by there is the least that it is off by.  What is fitted does not
+hang on the frame: offsets are taken in the axes and lengths of the patch.
 
 At a curve that goes into a body (a hole, a groove, a fillet) stress falls within its radius, and no polynomial over
 place does.  Where the centre of such a curve is given, place is the way along it and (1 - (radius/r)^2)/2 radii of
@@ -36,6 +37,9 @@ Ints = NDArray[np.intp]
 LINEAR = ((1, 1, 4, False), (1, 2, 4, False), (1, 3, 4, False))
 QUADRATIC = ((2, 2, 9, False), (2, 3, 9, False), (2, 3, 6, True), *LINEAR)
 TERMS = {1: 3, 2: 6}
+# Rings of cells around a node of a single row: at its end they are as many cells.
+ROW_RINGS = 3
+STRAIGHT = 1e-3  # of the length of a patch: a row whose places stray no more from a line
 SINGULAR = 1e-6  # of the eigenvalues of the normal equations: the places do not tell the polynomial
 MISSING = 1e-6  # of their trace: holds terms at 0 that the places do not tell, and hardly any other
 MOST = 12.0  # what places are off by comes to so many times as much at a node; 3.5 at an edge, 5 to 8 in a corner,
@@ -50,6 +54,7 @@ class NodalStress:
 
     node, part : (n_rows,) a node, and the part whose cells were fitted: a node has a row for each part there.
     fit : (n_rows, n_cells) takes means of cells to them.  known : (n_rows,) whether a patch could be fitted.
+    along : (n_rows,) whether it could be fitted along a single row of cells, nothing being known across it.
     turned : (n_rows, n_cells), complex, the same of (11 - 22)/2 + i 12 where stress turns with a curve; None: fit.
     """
 
@@ -57,6 +62,7 @@ class NodalStress:
     part: Ints
     fit: csr_matrix
     known: NDArray[np.bool_]
+    along: NDArray[np.bool_]
     turned: csr_matrix | None = None
 
     def of(self, stress: Floats) -> Floats:
@@ -78,10 +84,11 @@ def von_mises(stress: Floats) -> Floats:
 
 
 def nodal_stress(interface: Interface, fits: Iterable[tuple[int, int, int, bool]] = QUADRATIC,
-                 centres: Floats | None = None) -> NodalStress:
+                 centres: Floats | None = None, rows: int = 0) -> NodalStress:
     """Work out how stress at nodes follows from that of cells, which are quads first.
 
     fits : LINEAR or QUADRATIC.  centres : (n_nodes, 2) [m] of curves that go into a body, nan of other nodes.
+    rows : the order along single rows of cells; 0: they are not fitted.
     """
     n, n_cells = len(interface.nodes), len(interface.quads) + len(interface.triangles)
     part = np.concatenate([interface.quad_part, interface.triangle_part]).astype(np.intp)
@@ -109,11 +116,21 @@ def nodal_stress(interface: Interface, fits: Iterable[tuple[int, int, int, bool]
                                   centre[own] if curved else None)
             blocks.append((own[good], *(of[np.flatnonzero(good)] @ places for of in both)))
             done[own[good]] = known[own[good]] = True
+    along, left = np.zeros(keys.size, dtype=bool), np.flatnonzero(~done) if rows else np.empty(0, dtype=np.intp)
+    for first in range(0, left.size, ROWS):
+        own = left[first:first + ROWS]
+        patch = touches[own]
+        for _ in range(ROW_RINGS - 1):
+            patch = patch @ touches.T @ touches
+        fit, good = _fitted_along(_inside(patch, places), X, at[own], rows)
+        of_cells = fit[np.flatnonzero(good)] @ places
+        blocks.append((own[good], of_cells, of_cells))
+        done[own[good]] = along[own[good]] = True
     rest = np.flatnonzero(~done)
     blocks.append((rest, around[rest], around[rest]))
     back = np.argsort(np.concatenate([own for own, *_ in blocks]), kind="stable")
     fit, turned = (csr_matrix(vstack([block[k] for block in blocks]).tocsr()[back]) for k in (1, 2))
-    return NodalStress(node, keys // n, fit, known, turned if bent.any() else None)
+    return NodalStress(node, keys // n, fit, known, along, turned if bent.any() else None)
 
 
 def _places(interface: Interface) -> tuple[csr_matrix, Floats]:
@@ -204,3 +221,21 @@ def _fitted(inside: csr_matrix, X: Floats, at: Floats, order: int, least: int, p
     good &= np.bincount(row, np.abs(counts), n) < MOST
     both = [csr_matrix(coo_matrix((of, (row, place)), shape=inside.shape)) for of in (counts, counts * turn)]
     return both[0], both[1], good
+
+
+def _fitted_along(inside: csr_matrix, X: Floats, at: Floats, order: int) -> tuple[csr_matrix, NDArray[np.bool_]]:
+    """As _fitted, by a polynomial of the place along a straight row of cells."""
+    counts, good = csr_matrix(inside.shape).tolil(), np.zeros(inside.shape[0], dtype=bool)
+    for i in range(inside.shape[0]):
+        place = inside.indices[inside.indptr[i]:inside.indptr[i + 1]]
+        if place.size <= order:
+            continue
+        off = X[place] - X[place].mean(axis=0)
+        _, (long, across), axes = np.linalg.svd(off, full_matrices=False)
+        s = (X[place] - at[i]) @ axes[0] / long
+        weight = 1.0 / np.sqrt(NEAR + s**2)
+        values = np.linalg.pinv(weight[:, None] * np.vander(s, order + 1, increasing=True))[0] * weight
+        # fault: a row that bends is taken for a straight one -> good[i] = True | contact/test_nodal_stress
+        good[i] = across <= STRAIGHT * long and np.abs(values).sum() < MOST
+        counts[i, place] = values
+    return csr_matrix(counts), good

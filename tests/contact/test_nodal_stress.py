@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -110,6 +111,30 @@ def test_stress_around_a_hole_is_known_with_cells_as_large_as_that():
     assert off["lame", True, True] < 1e-9 < 0.3 < off["lame", False, True]
     assert off["lame", True, False] < 1e-9 < 0.3 < off["lame", False, False]
     assert off["kirsch", True, False] < 0.3 < 0.7 < off["kirsch", False, False]
+
+
+@pytest.mark.parametrize("order", [1, 2])
+def test_along_one_row_of_cells_a_field_is_fitted_as_it_is(order):
+    angle = 0.7
+    interface = turned(rectangles({"low": (6, 1), "up": (5, 3)}, grading=(3.0, 1.0)), angle, (3.0, -2.0))
+    fit = nodal_stress(interface, rows=order)
+    in_row = fit.part == 0
+    assert (fit.along == in_row).all()
+    assert not fit.known[in_row].any()
+
+    def along(x):
+        s = x @ [np.cos(angle), np.sin(angle)]
+        return 1.0 + 2.0 * s + (3.0 * s * s if order == 2 else 0.0)
+
+    told, there = fit.fit @ along(middles(interface)), along(interface.nodes[fit.node])
+    assert told[in_row] == pytest.approx(there[in_row], abs=1e-9)
+
+
+def test_along_a_row_that_bends_nothing_is_fitted():
+    interface = rectangles({"low": (6, 1), "up": (5, 3)})
+    x, y = interface.nodes.T
+    bent = replace(interface, nodes=np.stack([x, y + x * x], axis=1))
+    assert not nodal_stress(bent, rows=2).along.any()
 
 
 def test_what_places_are_off_by_is_not_made_much_of():
