@@ -65,6 +65,7 @@ ROUNDED = 2e-10
 COLD = (10.0, 60.0)  # K; written so, a temperature at the start is rather in degrees Celsius
 # A reference temperature so far from the start [K], though it is that of a room in the other unit, is in that one.
 APART, ROOM = 150.0, (273.0, 303.0)
+ROOM_K = (293.0, 293.15, 298.0, 298.15)  # as authors write them in kelvin
 
 
 def unlikely(stated: ScenarioFile, interface: Interface, units: UnitSystem | None = None) -> list[str]:
@@ -84,7 +85,7 @@ def unlikely(stated: ScenarioFile, interface: Interface, units: UnitSystem | Non
             notes.append(f"body {body} is {size:.3g} m long" + (f": is {slip} meant? Lengths are in {what}, those of a "
                          "mesh file times its `unit`" if slip else ""))
         notes.extend(_far(body, own, _shortest_edge(interface, k)))
-    return notes + _cold(stated) + _reference(stated)
+    return notes + _cold(stated) + _warm(stated) + _reference(stated)
 
 
 def _far(body: str, x: Floats, edge: float) -> Iterator[str]:
@@ -205,6 +206,25 @@ def _cold(stated: ScenarioFile) -> list[str]:
     T0 = starts[cold[0]]
     return [f"bod{'ies' if len(cold) > 1 else 'y'} {', '.join(cold)} start{'s' * (len(cold) == 1)} at {T0:g} K "
             f"({T0 - 273.15:g} degC): for degrees Celsius write units: {{temperature: degC}}"]
+
+
+def _warm(stated: ScenarioFile) -> list[str]:
+    """Bodies that start at a room's temperature in kelvin in a file in degC, though their T_ref is that of a room."""
+    notes = {}
+    for name, body in stated.bodies.items():
+        for part in body.parts.values():
+            material, T0 = stated.materials.get(part.material), part.T0
+            T_ref = None if material is None or material.alpha in (None, 0) else material.T_ref
+            if stated.units.temperature.value != "degC" or T_ref is None or not isinstance(T0, int | float):
+                continue
+            plain, ref = (round(T - ZERO_CELSIUS, 6) for T in (T0, T_ref))
+            # fault: a start at 293 in a file in degC is taken for what it says -> if True: |
+            #   coupler/test_scenario_plausible
+            if plain not in ROOM_K or not ROOM[0] <= T_ref <= ROOM[1]:
+                continue
+            notes[name] = (f"body {name} starts at {plain:g} degC, with the strain of {plain - ref:.3g} K from T_ref "
+                           f"of {part.material}: is {plain:g} K meant?")
+    return list(notes.values())
 
 
 def _reference(stated: ScenarioFile) -> list[str]:

@@ -13,6 +13,7 @@ from typing import Any
 
 from contact.problem.curves import FieldSum, ProfileTable, SignalTable
 from contact.problem.units import unit_from
+from coupler.scenario.plausible import ROOM_K
 from coupler.scenario.scene import parts_of
 from coupler.scenario.schema import ScenarioFile
 from coupler.scenario.si import ZERO_CELSIUS
@@ -23,8 +24,8 @@ from coupler.scenario.unit_system import UnitSystem
 MOST = {"convection.h": (3e4, "W/m2K"), "flux": (1e10, "W/m2"), "Q_T": (3e11, "W/m3"),
         **dict.fromkeys(("pressure", "t_x", "t_y"), (1e11, "Pa"))}
 G, NEAR_G = 9.81, 0.005  # m/s2, and the share by which authors round it
-# Temperatures of a room as authors write them in kelvin, and what they write in degrees Celsius.
-ROOM_K, ROOM_C, APART = (293.0, 293.15, 298.0, 298.15), (15.0, 30.0), 150.0
+# Temperatures of a room as authors write them in degrees Celsius.
+ROOM_C, APART = (15.0, 30.0), 150.0
 
 
 @dataclass(frozen=True)

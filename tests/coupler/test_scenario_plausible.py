@@ -64,6 +64,8 @@ def test_what_is_usual_is_not_told(tmp_path: Path) -> None:
     ({"T_ref": 293, "alpha": 0}, ""),
     ({"T_ref": 293, "T0": 290}, ""),
     ({"T_ref": 600}, ""),  # a casting
+    ({"T0": 293}, "body bar starts at 293 degC, with the strain of 273 K from T_ref of steel: is 293 K meant?"),
+    ({"T0": 300}, ""),
     ({"unit": "K", "T0": 300}, "start at 300 K, with the strain of 280 K: is 20 degC meant?"),
     ({"unit": "K", "T0": 300, "T_ref": 700}, ""),
     ({"unit": "K"}, "body bar starts at 20 K (-253.15 degC): for degrees Celsius write units: {temperature: degC}"),
