@@ -20,6 +20,7 @@ from coupler.record.results import Results
 from coupler.report.comparison import Comparison, compare
 from coupler.report.curves import NAMES
 from coupler.report.figures import number
+from coupler.scenario.probes import step_output
 
 Array = NDArray[np.float64]
 
@@ -214,15 +215,18 @@ def _probes(a: Results, b: Results, c: Comparison, within: Mapping[str, Bound]) 
         unseen = UNSEEN * _size(curve.quantity, temperatures if curve.quantity == "T" else [curve.a])
         bound = within.get(name) or within.get(curve.quantity)
         known = [run.probe_errors[name].error for run in (a, b) if name in run.probe_errors]
-        if bound is None and len(known) < 2:
+        # fault: what one step moved is held against what another moved -> of_a_step = "" | coupler/test_verdict
+        of_a_step = step_output(curve.quantity)
+        if bound is None and (len(known) < 2 or of_a_step):
             unjudged.append(name)
             continue
         # fault: what both runs may be off by is not allowed -> allowed = max(0.0 * sum(known), unseen) |
         #   coupler/test_verdict
         allowed = bound.of(low, high) if bound is not None else max(sum(known), unseen)
-        beyond = curve.told & (np.abs(curve.b - curve.a) > allowed)
+        off = np.where(curve.told, np.maximum(np.abs(curve.b - curve.a) - curve.line, 0.0), np.nan)
+        beyond, worst = off > allowed, int(np.nanargmax(off))
         first = float(curve.t[int(np.argmax(beyond))]) if beyond.any() else None
-        judged.append(Judged(name, curve.unit, abs(d.by), d.t, allowed, first))
+        judged.append(Judged(name, curve.unit, float(off[worst]), float(curve.t[worst]), allowed, first))
     return judged, unjudged
 
 

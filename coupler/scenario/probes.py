@@ -33,6 +33,14 @@ SINCE_START = {"heat": _BY_CONDITION, "surface.E": _BY_CONDITION, "contact.E_fri
 NONE, NO_WEIGHTS = np.empty(0, dtype=np.int32), np.empty(0)
 
 
+def step_output(quantity: str) -> str:
+    """Return the one of OF_A_STEP that HALF.OUTPUT is, or is a part of; empty of any other quantity."""
+    half, _, output = quantity.partition(".")
+    bare = output.partition("[")[0]
+    return next((name for name in OF_A_STEP if bare == name or (name == "heat" and bare.startswith("heat."))), "") \
+        if half in ("thermal", "mechanical") else ""
+
+
 @dataclass(frozen=True, eq=False)
 class Probe:
     """quantity : T | u_x | u_y | gap | p (= -t_N) | f_s, or HALF.OUTPUT, any output of a half, or heat.NAME,
@@ -65,11 +73,8 @@ class Probe:
 
     @property
     def of_a_step(self) -> str:
-        """The one of OF_A_STEP that it reads, or whose parts; empty where it reads none."""
-        if not self.half:
-            return ""
-        bare = self.output.partition("[")[0]
-        return next((name for name in OF_A_STEP if bare == name or (name == "heat" and bare.startswith("heat."))), "")
+        """As `step_output`."""
+        return "" if self.source else step_output(self.quantity)
 
     @property
     def placeless(self) -> bool:

@@ -18,6 +18,7 @@ from coupler.record.results import Results
 from coupler.report.comparison import (
     compare,
     difference_figure,
+    off_line,
     scales,
     sentence,
     told_by_both,
@@ -167,3 +168,13 @@ def test_a_run_that_is_not_to_be_trusted_is_named(runs: tuple[Results, Results],
     page, text = write_comparison(a, runs[1], tmp_path / "page.html")
     assert "trust" not in text
     assert "Do not trust" not in page.read_text(encoding="utf-8")
+
+
+def test_how_far_a_straight_line_is_off():
+    """Of a parabola exactly; a kink at an end of a window bends nothing inside."""
+    own, t = np.array([0.0, 1.0, 3.0, 4.0, 6.0]), np.array([0.0, 0.5, 2.0, 3.5, 5.0, 6.0])
+    line = np.interp(t, own, 2.0 * own**2)
+    assert off_line(own, 2.0 * own**2, t) == pytest.approx(line - 2.0 * t**2)
+    assert off_line(own, np.abs(own - 3.0), t) == pytest.approx(0.0)
+    assert off_line(own[:2], own[:2], t) == pytest.approx(0.0)
+    assert off_line(own, np.where(own > 3.0, np.nan, own), np.array([5.0])) == [0.0]
