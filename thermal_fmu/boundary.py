@@ -179,6 +179,24 @@ def _add_surroundings(total: _HeatSum, substep: SubstepData, loads: ThermalLoads
         total.places.append((radiator.points.slots, slope))
 
 
+def missed_along(substep: SubstepData, loads: ThermalLoads, T: Floats, body: Ints, n_bodies: int) -> Floats:
+    """Return (n_bodies,) [W K] that films and radiation miss because their heat is taken at nodes.
+
+    T : (n,) [K].  body : (n,) of nodes.  Of an edge with conductance G whose ends are d apart the nodes have
+    G (a a + b b)/2, and what is linear between them G (a a + a b + b b)/3, which is less by G d d/6.
+    """
+    missed = np.zeros(n_bodies)
+    exposed = [(film.points, film_flow(film, at.h, at.Te, T)[1])
+               for film, at in zip(substep.films, loads.films, strict=True)]
+    exposed += [(radiator.points, surroundings_radiation_flow(radiator, substep.sigma_SB, at.factor, at.T_inf, T)[1])
+                for radiator, at in zip(substep.radiators, loads.radiators, strict=True)]
+    for points, slope in exposed:
+        one, other = points.edges.T
+        G = np.maximum(slope.reshape(-1, 2).sum(axis=1), 0.0)
+        missed += np.bincount(body[one], G * (T[one] - T[other]) ** 2 / 6.0, n_bodies)
+    return missed
+
+
 def _add_pairs(total: _HeatSum, substep: SubstepData, loads: ThermalLoads, T: Floats) -> None:
     for group in substep.conduction_groups:
         factor = loads.pairs[group.pair].of(group.closed)

@@ -17,7 +17,7 @@ from contact.half.program import ProgramError
 from contact.half.volume import volume_mesh
 from contact.messages import Facing
 from thermal_fmu import phase_change
-from thermal_fmu.boundary import Heat, names_of, no_heat
+from thermal_fmu.boundary import Heat, missed_along, names_of, no_heat
 from thermal_fmu.cells import (
     BadPropertyError,
     CellGeometry,
@@ -369,7 +369,7 @@ class ThermalHalf:
         # fault: anchor not part of the state -> new = ThermalState(done.s, state.X, event, result.damped, stored, None,
         #   anchor_S, controller, given, | thermal_fmu/test_thermal_solver
         new = ThermalState(done.s, state.X, event, result.damped, stored, done.anchor, anchor_S, controller, given,
-                           known, result.rate, self._missed(state, substep.shapes, x, done, h), flow,
+                           known, result.rate, self._missed(state, context, x, done, t, h), flow,
                            state.began)
         T_n = phase_change.temperature(scene.melting, state.s)
         outputs = self._outputs(new, done.heat, substep.touching, done, T_n)
@@ -394,11 +394,15 @@ class ThermalHalf:
         """Whether what acts from t [s] on is other than what acted up to then."""
         return dict(load) != dict(before.loads) or self._calendar.jump_within(t, h)
 
-    def _missed(self, state: ThermalState, shapes: tuple[CellGeometry, ...], x: Floats, done: ThermalStep,
+    def _missed(self, state: ThermalState, context: StepContext, x: Floats, done: ThermalStep, t: float,
                 h: float) -> MissedHeat:
         if self._mesh_error is None:
             return state.missed
-        step = SubstepHeat(h, np.array(state.s), done.s, done.moved, done.inside)
+        scene, shapes = self._scene, context.substep.shapes
+        T = phase_change.temperature(scene.melting, done.s)
+        along = missed_along(done.substep, context.loads_at(t + h, -1), T, scene.interface.node_body,
+                             len(scene.interface.bodies))
+        step = SubstepHeat(h, np.array(state.s), done.s, done.moved, done.inside, along)
         # fault: what the mesh missed before is forgotten -> return self._mesh_error.after(nothing_missed(
         #   state.missed.heat.size), shapes, x, step) |
         #   thermal_fmu/test_mesh_error::test_what_was_missed_is_part_of_the_state
