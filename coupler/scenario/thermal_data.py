@@ -42,40 +42,47 @@ class TemperatureData:
 
     def __init__(self, model: Mapping[str, Any]) -> None:
         fields = tuple(_fields(model))
-        steady = [float(np.sum(f.level(0.0))) for f, name in fields if _is_steady(f) and not name]
-        self._steady = min(steady, default=math.inf), max(steady, default=-math.inf)
-        self._fields = tuple((f, name) for f, name in fields if name or not _is_steady(f))
+        self._steady, self._fields = {}, {}
+        for sky in (False, True):
+            of = [(f, name) for f, name, radiates in fields if radiates == sky]
+            steady = [float(np.sum(f.level(0.0))) for f, name in of if _is_steady(f) and not name]
+            self._steady[sky] = min(steady, default=math.inf), max(steady, default=-math.inf)
+            self._fields[sky] = tuple((f, name) for f, name in of if name or not _is_steady(f))
         # An FMU that lies ready has data of its own, which nobody here knows.
         self.known = not str(model.get("half", "")).endswith(".fmu")
 
-    def between(self, t0: float, t1: float, x: Array, inputs: Mapping[str, float]) -> tuple[float, float]:
+    def between(self, t0: float, t1: float, x: Array, inputs: Mapping[str, float], sky: bool | None = None
+                ) -> tuple[float, float]:
         """Return the lowest and highest [K] of the data from t0 to t1 [s], jumps at both ends included.
 
         x : (n, 2) [m], in whose box a field over place is bounded.  inputs : of the half in that time, of which
-        load.NAME scales a prescribed temperature.  (inf, -inf) where there are no such data.
+        load.NAME scales a prescribed temperature.  sky : of what surfaces radiate to, of all but that, or None: of all.
+        (inf, -inf) where there are no such data.
         """
-        low, high = self._steady
-        for field, name in self._fields:
-            # fault: what scales a prescribed temperature is not known -> factor = 1.0 | coupler/test_trust
-            factor = inputs.get(f"load.{name}", 1.0) if name else 1.0
-            times = {t0, t1, *(float(t) for s in field.signals for t in s.kinks if t0 < t < t1)}
-            for t in times:
-                for side in (-1, 1):
-                    ends = [factor * bound for bound in _bounds(field, t, side, x)]
-                    low, high = min(low, *ends), max(high, *ends)
+        low, high = math.inf, -math.inf
+        for kind in (False, True) if sky is None else (sky,):
+            low, high = min(low, self._steady[kind][0]), max(high, self._steady[kind][1])
+            for field, name in self._fields[kind]:
+                # fault: what scales a prescribed temperature is not known -> factor = 1.0 | coupler/test_trust
+                factor = inputs.get(f"load.{name}", 1.0) if name else 1.0
+                times = {t0, t1, *(float(t) for s in field.signals for t in s.kinks if t0 < t < t1)}
+                for t in times:
+                    for side in (-1, 1):
+                        ends = [factor * bound for bound in _bounds(field, t, side, x)]
+                        low, high = min(low, *ends), max(high, *ends)
         return low, high
 
 
-def _fields(model: Mapping[str, Any]) -> Iterator[tuple[Field, str]]:
-    """Each field of temperatures, and the name by which it is scaled; "" for none."""
+def _fields(model: Mapping[str, Any]) -> Iterator[tuple[Field, str, bool]]:
+    """Each field of temperatures, the name by which it is scaled, "" for none, and whether surfaces radiate to it."""
     for stated in stated_data(model):
         given, name = stated.given, stated.name
         if stated.kind in ("convection", "radiation"):
-            yield field_from(given["T"]), ""
+            yield field_from(given["T"]), "", stated.kind == "radiation"
         elif stated.kind == "temperature" and isinstance(given, Mapping) and "dataset" in given:
-            yield from ((field_from(given["least"]), name), (field_from(given["most"]), name))  # of another run: known
+            yield from ((field_from(given[key]), name, False) for key in ("least", "most"))  # of another run: known
         elif stated.kind == "temperature":
-            yield field_from(given), name
+            yield field_from(given), name, False
 
 
 def _is_steady(field: Field) -> bool:

@@ -26,7 +26,8 @@ NAME = "temperatures within their data"
 
 @dataclass(frozen=True)
 class TemperatureLog:
-    """low, high [K]: bounds of the data up to now.  made, taken : whether heat was made, or taken away.
+    """low, high [K]: bounds of the data up to now, cold, hot [K]: of those without what surfaces radiate to, and sky
+    [K]: of that.  made, taken : whether heat was made, or taken away.
 
     least, most [K]: of all temperatures so far.  excess [K]: the largest way out of the bounds, of a node at t [s];
     negative: below.  bound [K]: which it left.  share : of the span then.
@@ -34,6 +35,9 @@ class TemperatureLog:
 
     low: float = math.inf
     high: float = -math.inf
+    cold: float = math.inf
+    hot: float = -math.inf
+    sky: tuple[float, float] = (math.inf, -math.inf)
     made: bool = False
     taken: bool = False
     least: float = math.inf
@@ -49,6 +53,20 @@ class TemperatureLog:
         """Of all temperatures so far, those of the data too [K]."""
         # fault: a body that hardly warms has no span -> return self.most - self.least | coupler/test_trust_across
         return max(max(self.high, self.most) - min(self.low, self.least), self.least_span)
+
+    @property
+    def heat_span(self) -> float:
+        """As span, but of temperatures that heat goes by [K].
+
+        What a surface at T radiates to a sky at S goes with T^4 - S^4: an error of T counts as one of a film to
+        surroundings that are (T^4 - S^4)/4T^3 colder.
+        """
+        low, high = min(self.cold, self.least), max(self.hot, self.most)
+        below, above = self.sky
+        # fault: bodies that radiate into space are driven by all of their temperature -> by_sky = high - below |
+        #   coupler/test_trust_heat_mesh
+        by_sky = (high**4 - below**4) / (4.0 * high**3) if 0.0 <= below < low else 0.0
+        return max(high - low, by_sky, above - low, self.least_span)
 
     @property
     def own_span(self) -> float:
@@ -77,8 +95,9 @@ def watched(log: TemperatureLog, data: TemperatureData, levels: tuple[Level, Lev
     levels : at its start and its end.  terms : its heat, mechanism -> [J].  inputs : the thermal half's, by name.
     """
     before, now = levels
-    a, b = data.between(before.t, now.t, now.x, inputs)
-    log = replace(log, low=min(log.low, a), high=max(log.high, b))
+    (a, b), (c, d) = (data.between(before.t, now.t, now.x, inputs, sky) for sky in (False, True))
+    log = replace(log, low=min(log.low, a, c), high=max(log.high, b, d), cold=min(log.cold, a), hot=max(log.hot, b),
+                  sky=(min(log.sky[0], c), max(log.sky[1], d)))
     scale = sum(abs(v) for v in terms.values())
     heats = [v for n, v in terms.items() if n.removeprefix("heat.") in MADE and abs(v) > 1e-12 * scale]
     # A half that keeps no ledger may make heat that is not told.

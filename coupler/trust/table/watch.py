@@ -207,7 +207,7 @@ class TrustWatch:
             *carried.checks(log.carried, log.temperatures.most - log.temperatures.least,
                             "thermal" in self._own_meshes),
             *carried.shape_checks(log.shapes, "mechanical" in self._own_meshes),
-            *heat_mesh.checks(log.heat_mesh, log.temperatures.span, self._meeting, self._slight.get("K", 0.0)),
+            *heat_mesh.checks(log.heat_mesh, log.temperatures.heat_span, self._meeting, self._slight.get("K", 0.0)),
             *extremes.checks(log.extremes, log.temperatures.own_span, self._slight.get("K", 0.0)),
             *mesh.checks(log.mesh),
             *self._peak_stress.checks(log.peak_stress, mesh.bears(log.mesh) if log.mesh.energy else
