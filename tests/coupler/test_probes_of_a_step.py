@@ -6,11 +6,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from coupler.trust.confidence import check
 
 from coupler import load_scenario, run
 from coupler.experiments.confidence import confidence
 from coupler.scenario.probes import NO_WEIGHTS, NONE, Probe, probe_notes
+from coupler.trust.in_time.confidence import check
 
 SCENE = """\
 slideline: 2

@@ -91,9 +91,9 @@ class Motion:
         known = replace(known, a=a, accelerated=log.accelerated + H * size, moved=log.moved + H * H * size)
         if not len(log.a):
             return known
-        # fault: a motion that windows do not resolve is trusted -> return known | coupler/test_trust_motion
         counts = (size > 0.0) | (np.linalg.norm(log.a, axis=1) > self._least)
         more = np.where(counts, np.linalg.norm(a - log.a, axis=1), 0.0)
+        # fault: a motion that windows do not resolve is trusted -> return known | coupler/test_trust_motion
         return replace(known, changed=log.changed + H * more)
 
     def checks(self, log: MotionLog) -> tuple[Check, ...]:
