@@ -457,9 +457,10 @@ WORDS = {ContactState.OPEN: "opens", ContactState.CLOSED: "closes", ContactState
 
 NEXT = {ContactState.OPEN: ContactState.CLOSED, ContactState.CLOSED: ContactState.OPEN,
         ContactState.STICKS: ContactState.SLIPS_IN_PART, ContactState.SLIPS: ContactState.STICKS,
-        ContactState.SLIPS_IN_PART: ContactState.SLIPS, ContactState.BELOW: ContactState.ABOVE,
-        ContactState.ABOVE: ContactState.BELOW, ContactState.WAITS: ContactState.ACTS,
-        ContactState.ACTS: ContactState.WAITS, ContactState.APART: ContactState.APART}
+        ContactState.SLIPS_IN_PART: ContactState.SLIPS, ContactState.TURNS: ContactState.STICKS,
+        ContactState.BELOW: ContactState.ABOVE, ContactState.ABOVE: ContactState.BELOW,
+        ContactState.WAITS: ContactState.ACTS, ContactState.ACTS: ContactState.WAITS,
+        ContactState.APART: ContactState.APART}
 
 
 def _told(status: Sequence[ContactState], which: Sequence[int], plan: Plan) -> str:
