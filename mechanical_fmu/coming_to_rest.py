@@ -17,7 +17,8 @@ within a step: whose speed away from it, or into it, is less than what all other
 whose acceleration is no more than a few times as large as theirs.  What bounces, or swings on its contact in steps that
 resolve that, is faster.
 
-Nodes without mass need none of this: contact changes there as the body behind them is strained.
+Nodes without mass need none of this: contact changes there as the body behind them is strained.  A scene is looked at
+as a whole: where such nodes touch, where one body bounces, or where a pair is tied, the others are left as they are.
 """
 
 from __future__ import annotations
