@@ -10,7 +10,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from contact.half.interface import Interface
-from contact.half.linalg import SingularMatrixError
 from contact.half.model import Discard, Done, Link, Value, Values
 from contact.half.program import ProgramError
 from contact.half.volume import volume_mesh
@@ -40,48 +39,18 @@ from mechanical_fmu.material import MaterialRangeError, SolidMaterial
 from mechanical_fmu.newton import Equilibrium, NoEquilibriumError, SolverSettings
 from mechanical_fmu.problem import METHODS, parse_elastic, parse_foreign
 from mechanical_fmu.program import MechanicalProgram
+from mechanical_fmu.starting import started
 from mechanical_fmu.stress_outputs import Moved
 from mechanical_fmu.system import ForceBalance, Loading, System, system_of
-from mechanical_fmu.tangent import MAX_SURFACE_DOFS, StiffnessAnchor, refuse_loose, refuse_unheld
+from mechanical_fmu.tangent import MAX_SURFACE_DOFS, StiffnessAnchor, refuse_unheld
 from mechanical_fmu.volume import CellError, CellInversionError
 from mechanical_fmu.warm import Beginning, beginning
 
 Floats = NDArray[np.float64]
 
 
-# The first guess of a scene in which a body rests on another, their gap 0: nothing presses yet, so nothing holds.
-
-# Surfaces nearer than this share of a body's size touch as drawn: the round-off of coordinates in a file.
-TOUCHING_AS_DRAWN = 1e-9
-
-
-def resting(system: System, u: Floats, loading: Loading) -> ForceBalance:
-    """Compute the balance to begin with at u : (n_nodes, 2) [m], with its tangent.
-
-    Where a body is loose, surfaces that touch as drawn count as closed, under a pressure that lasts for this one
-    guess: it says where contact can hold, and the equilibrium found from it knows nothing of it.
-    """
-    first = predicted(system, u, loading, True)
-    if loading.query is None:
-        return first
-    try:
-        refuse_loose(system, first)
-    except SingularMatrixError:
-        pressure = TOUCHING_AS_DRAWN * float(system.size.min()) * max(pair.eps_N for pair in system.interface.pairs)
-        slaves = system.contact.multiplied([pair.name for pair in system.interface.pairs if not pair.tied])
-        # fault: bodies that touch as drawn fall -> query = loading.query.with_multipliers(np.where(slaves, 0.0, 0.0)) |
-        #   mechanical_fmu/test_solution_loads
-        query = loading.query.with_multipliers(np.where(slaves, -pressure, 0.0))
-        return predicted(system, u, replace(loading, query=query), True)
-    return first
-
-
 # An old factor that needs more iterations than this in a step has had its time.
 MAX_ANCHORED_ITERATIONS = 8
-# A start cannot be cut: it may take so many times the iterations of a step.  A slender body that lies along another,
-# with no load yet, peels off it node by node: 40 edges of a belt on a drum took 183, and came no nearer in 92 of them.
-# fault: a start gives up as soon as a step that can be cut -> START_PATIENCE = 1 | mechanical_fmu/test_start_along
-START_PATIENCE = 10
 # Anchors kept: one in use, one that a rollback may return to.
 MAX_ANCHORS = 2
 ISOTHERMAL, ADIABATIC = 0, 1
@@ -126,9 +95,7 @@ class ElasticHalf:
             found = StepResult(balance, motion, balance.heat, 0, 0.0, last=loading.step)
         else:
             refuse_unheld(system)
-            settings = replace(self.settings, method=self._method(0),
-                               max_iterations=START_PATIENCE * self.settings.max_iterations)
-            equilibrium = solved(system, u, loading, resting(system, u, loading), None, settings)
+            equilibrium = started(system, u, loading, replace(self.settings, method=self._method(0)))
             found = replace(_found(equilibrium, motion), last=loading.step)
         now = found.balance
         contact = begin.contact if begin.as_left else contact_history(system, now, history)
