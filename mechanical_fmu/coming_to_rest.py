@@ -100,21 +100,46 @@ def brought_to_rest(system: System, after: BodyMotion, found: ForceBalance,
     rubs = _rubs(system, found, loading)
     after = _seen(after, rubs)
     stopped = _stopped(after, rubs)
-    lies = _lies(system, after, found, loading)
+    contact, none = _Contact(system, found, loading), np.zeros(tractions.t_N.size)
+    across = contact.stiffness(none)
+    lies = _lies(system, after, loading, across)
     if stopped is None and not lies:
         return after, np.empty(0)
-    answer = _answer(system, found, loading, stopped)
+    answer = _answer(contact, stopped)
     rest, heat = _laid(after, found, answer) if lies else (after, np.empty(0))
     if stopped is None:
         return rest, heat
-    none = np.zeros(tractions.t_N.size)
-    (_, sticks), (_, slips) = (_contact(system, found, loading, none, share) for share in (1.0, FREE))
-    rest, more = _held_up(rest, found, stopped, answer, csr_matrix(sticks - slips))
+    rest, more = _held_up(rest, found, stopped, answer, csr_matrix(contact.stiffness(none, 1.0) - across))
     return rest, heat + more if heat.size and more.size else (heat if heat.size else more)
 
 
-def _answer(system: System, found: ForceBalance, loading: Loading, stopped: _Pairs | None) -> _Answer:
-    how, tractions = system.spec.dynamics, found.tractions
+@dataclass(frozen=True)
+class _Contact:
+    """Contact at the end of a step, found : the balance there, under loading."""
+
+    system: System
+    found: ForceBalance
+    loading: Loading
+
+    @cached_property
+    def alone(self) -> csr_matrix:
+        """All stiffness (n, n) [N/m] but that of contact."""
+        free = replace(self.loading, query=None)
+        return stiffness(self.system, self.system.balance(self.found.u, free, tangent=True), free)
+
+    def stiffness(self, mobilised: Floats, sticking: float = FREE) -> csr_matrix:
+        """Return that of contact, (n, n) [N/m].
+
+        mobilised : as of _query.  sticking : share of the stiffness by which surfaces stick.
+        """
+        query = replace(_query(self.system, self.found, self.loading, mobilised), sticking=sticking)
+        with_it = replace(self.loading, query=query)
+        K = stiffness(self.system, self.system.balance(self.found.u, with_it, tangent=True), with_it)
+        return csr_matrix(K - self.alone)
+
+
+def _answer(contact: _Contact, stopped: _Pairs | None) -> _Answer:
+    system, how, tractions = contact.system, contact.system.spec.dynamics, contact.found.tractions
     assert how is not None
     assert tractions is not None
     # Friction that slips grows with the pressure; what was stopped, or sticks, is left to `_held_up`.
@@ -124,31 +149,20 @@ def _answer(system: System, found: ForceBalance, loading: Loading, stopped: _Pai
     # fault: friction does not follow the pressure that a body lies with -> beyond = 0.0 * tractions.mobilised |
     #   mechanical_fmu/test_friction_inertia
     beyond = np.where(rubs, 2.0 * tractions.mobilised, 0.0)
-    K, contact = _contact(system, found, loading, beyond)
-    scale = (1.0 - how.alpha_m) / ((1.0 - how.alpha_f) * how.beta * loading.step.dt**2)
-    return _Answer(system, K, contact, system.masses.matrix(how.lumped), scale, rubs)
+    own, dt = contact.stiffness(beyond), contact.loading.step.dt
+    scale = (1.0 - how.alpha_m) / ((1.0 - how.alpha_f) * how.beta * dt**2)
+    return _Answer(system, csr_matrix(contact.alone + own), own, system.masses.matrix(how.lumped), scale, rubs)
 
 
-def _contact(system: System, found: ForceBalance, loading: Loading, mobilised: Floats,
-             sticking: float = FREE) -> tuple[csr_matrix, csr_matrix]:
-    """All stiffness (n, n) [N/m] at the end of a step, and contact's part; mobilised : as of _query.
+def _lies(system: System, after: BodyMotion, loading: Loading, across: csr_matrix) -> bool:
+    """Whether bodies that touch would be back within a step, if contact threw them.
 
-    sticking : share of the stiffness by which surfaces stick.
+    across : (n, n) [N/m] stiffness of contact without friction.
     """
-    query = replace(_query(system, found, loading, mobilised), sticking=sticking)
-    smooth, alone = (replace(loading, query=of) for of in (query, None))
-    K = stiffness(system, system.balance(found.u, smooth, tangent=True), smooth)
-    return K, csr_matrix(K - stiffness(system, system.balance(found.u, alone, tangent=True), alone))
-
-
-def _lies(system: System, after: BodyMotion, found: ForceBalance, loading: Loading) -> bool:
-    """Whether bodies that touch would be back within a step, if contact threw them."""
-    assert found.tractions is not None
     # What is tied hangs on springs that no body lies on.
     # fault: a swing on ties is damped -> if False: | mechanical_fmu/test_stick_slip
     if system.contact.tied is not None:
         return False
-    _, across = _contact(system, found, loading, np.zeros(found.tractions.t_N.size))
     others = system.accelerations(-(after.f + after.push).ravel() * system.constraints.free) * system.moving
     v, a, without = (float(x @ (across @ x)) for x in (after.v.ravel(), after.a.ravel(), others))
     # fault: what lies on a surface hops on it -> return False | mechanical_fmu/test_coming_to_rest
