@@ -15,9 +15,10 @@ from mechanical_fmu.coming_to_rest import brought_to_rest
 from mechanical_fmu.contact import ContactQuery
 from mechanical_fmu.dynamics import BodyMotion, HeldMotion, fly, free_flight, inertia_of, motion_after, rubbed
 from mechanical_fmu.energy import made
-from mechanical_fmu.enforcement import solve_step
+from mechanical_fmu.enforcement import contact_history, solve_step
 from mechanical_fmu.heat import at_frozen_entropy
 from mechanical_fmu.impact import with_its_energy
+from mechanical_fmu.kinks import behind_kink
 from mechanical_fmu.laws.law import CREEP, LIQUID, OVERSTRESS
 from mechanical_fmu.loads import driven, pressure_forces
 from mechanical_fmu.material import Moduli
@@ -138,6 +139,7 @@ class Task:
     frozen : ln theta (heat.log_dilatation) at which the entropy is frozen, None for a given temperature.
     handed : (n, 2) [N] what held components that are released now, and goes to nothing within the step; None of none.
     jump : (n_levels,) by how much the levels jump at its beginning; (0,): they do not, or without inertia.
+    kink : (n_levels,) [1/s] by how much their slopes change there; (0,): they do not, or that is of no account.
     """
 
     start: StepDrive
@@ -147,6 +149,7 @@ class Task:
     frozen: tuple[Floats, ...] | None
     handed: Floats | None = None
     jump: Floats = field(default_factory=lambda: np.empty(0))
+    kink: Floats = field(default_factory=lambda: np.empty(0))
 
 
 @dataclass(frozen=True)
@@ -166,6 +169,7 @@ class StepResult:
     bodies that contact did not hold yet.  runs : of a program that solves for the inside of bodies.  made : energy [J]
     that comes from nothing, of all (energy.py).
     rubbed : (n_q,) [J] heat of friction of all pieces, with inertia; (0,) where contact tells it, or none is made.
+    slid : (n_q,) [m] how far slave nodes slipped in all of them, to and fro; (0,) without contact.
     """
 
     balance: ForceBalance
@@ -180,6 +184,7 @@ class StepResult:
     runs: int = 0
     made: float = 0.0
     rubbed: Floats = field(default_factory=lambda: np.empty(0))
+    slid: Floats = field(default_factory=lambda: np.empty(0))
 
 
 class PartWayError(ArithmeticError):
@@ -292,7 +297,7 @@ def in_pieces(system: System, task: Task, begin: Departure, settings: SolverSett
             size, left = 0.5 * size, left - 1
             continue
         found = piece if found is None else _joined(found, piece)
-        begin, share = Departure(piece.motion, piece.balance.history), goal
+        task, begin, share = _onwards(system, task, piece), Departure(piece.motion, piece.balance.history), goal
         if size < 1.0 and left < cuts and (share / (2.0 * size)).is_integer():
             # A hard spot is behind: try larger pieces again, but the spot has used up its cuts.
             size, left = 2.0 * size, left + 1
@@ -312,7 +317,7 @@ def _piece(system: System, task: Task, begin: Departure, span: tuple[float, floa
         flight = fly(system, motion, history, dt, loading_at)
         refuse_passing(system, motion.u, flight.balance)
         return StepResult(flight.balance, flight.motion, flight.heat, flight.pieces, 0.0, 0, flight.dt_stable,
-                          flight.last, rubbed=flight.rubbed)
+                          flight.last, rubbed=flight.rubbed, slid=way_of(flight.balance))
     loading = loading_of(system, task, b, dt, history)
     heat = np.empty(0)
     if dynamics is None:
@@ -322,6 +327,14 @@ def _piece(system: System, task: Task, begin: Departure, span: tuple[float, floa
         rest = np.zeros_like(motion.v)
         after = BodyMotion(found.u, rest, rest, found.r if len(rest) else rest)
     else:
+        if a == 0.0 and task.kink.size:
+            inertia = inertia_of(system.masses, dynamics, motion, dt, held_motion(system, task, motion, (a, b), dt))
+            kink = behind_kink(system, motion, _kinked(system, task), replace(loading, inertia=inertia))
+            motion, task = kink.motion, replace(task, kink=np.empty(0))
+            if kink.stops < 1.0:
+                slips = _piece(system, task, replace(begin, motion=motion), (a, kink.stops * b), settings, last)
+                task, begin = _onwards(system, task, slips), Departure(slips.motion, slips.balance.history)
+                return _joined(slips, _piece(system, task, begin, (kink.stops * b, b), settings, last))
         held = held_motion(system, task, motion, (a, b), dt)
         motion = held.start(system, motion, dynamics.lumped)
         inertia = inertia_of(system.masses, dynamics, motion, dt, held)
@@ -331,7 +344,7 @@ def _piece(system: System, task: Task, begin: Departure, span: tuple[float, floa
         equilibrium = solved(system, motion.u, loading, system.balance(start, loading, True), None, settings)
         found = equilibrium.balance
         after = motion_after(system, motion, found, inertia, dt)
-        rubbing, heat = rubbed(system, motion.rubbing, found, dt, b * task.dt)
+        rubbing, heat = rubbed(system, motion.rubbing, found, dt, dt)
         after = with_its_energy(system, motion, after, found, loading, owes=last, heat=float(heat.sum()))
         after, more = brought_to_rest(system, replace(after, rubbing=rubbing), found, loading)
         heat = heat + more if more.size else heat
@@ -342,7 +355,23 @@ def _piece(system: System, task: Task, begin: Departure, span: tuple[float, floa
 
         energy = made(system, motion, after, found, moduli, history, dt, float(heat.sum()))
     return StepResult(found, after, found.heat, equilibrium.iterations, equilibrium.residual, last=loading.step,
-                      work=equilibrium.work, runs=equilibrium.runs, made=energy, rubbed=heat)
+                      work=equilibrium.work, runs=equilibrium.runs, made=energy, rubbed=heat,
+                      slid=way_of(found))
+
+
+def way_of(found: ForceBalance) -> Floats:
+    # fault: slip to and fro goes for none -> return np.empty(0) if found.tractions is None else found.tractions.slip |
+    #   mechanical_fmu/test_slip_path
+    return np.empty(0) if found.tractions is None else np.abs(found.tractions.slip)
+
+
+def _onwards(system: System, task: Task, piece: StepResult) -> Task:
+    """The task of the pieces that follow: contact remembers where this one went."""
+    if task.query is None:
+        return task
+    # fault: contact forgets the way of the pieces before -> history = task.query.history | mechanical_fmu/test_kinks
+    history = contact_history(system, piece.balance, task.query.history)
+    return replace(task, query=replace(task.query, history=history, multipliers=history.multipliers))
 
 
 def held_motion(system: System, task: Task, now: BodyMotion, span: tuple[float, float], dt: float) -> HeldMotion:
@@ -365,6 +394,13 @@ def held_motion(system: System, task: Task, now: BodyMotion, span: tuple[float, 
     return HeldMotion(rows, u, (v - now.v.ravel()[rows]) / dt)
 
 
+def _kinked(system: System, task: Task) -> Floats:
+    """(n_fixed,) [m/s] by which the velocity of prescribed components changes at the start of a step."""
+    motions, levels = system.constraints.motions, task.start.levels
+    dt = LAST_BIT * task.dt
+    return (motions.target(levels + dt * task.kink) - motions.target(levels)) / dt
+
+
 def _carried(system: System, flown: Floats, moved: Floats) -> Floats:
     """A first guess: free components fly on, driven bodies have moved; one that turns does so with all its nodes."""
     flies = system.constraints.free.reshape(-1, 2) > 0.0
@@ -378,7 +414,12 @@ def _joined(first: StepResult, then: StepResult) -> StepResult:
     # fault: heat of all pieces of a step but the last forgotten -> heat = then.heat |
     #   mechanical_fmu/test_solution_methods
     heat = first.heat + then.heat if first.heat.size else then.heat
-    return StepResult(then.balance, then.motion, heat, first.iterations + then.iterations,
+    balance, of, before = then.balance, then.balance.tractions, first.balance.tractions
+    if of is not None and before is not None:
+        balance = replace(balance, tractions=replace(of, slip=before.slip + of.slip,
+                                                     E_friction=before.E_friction + of.E_friction))
+    return StepResult(balance, then.motion, heat, first.iterations + then.iterations,
                       max(first.residual, then.residual), first.cuts + 1, then.dt_stable, then.last,
                       first.work + then.work, first.runs + then.runs, first.made + then.made,
-                      first.rubbed + then.rubbed if first.rubbed.size else then.rubbed)
+                      first.rubbed + then.rubbed if first.rubbed.size else then.rubbed,
+                      first.slid + then.slid if first.slid.size else then.slid)

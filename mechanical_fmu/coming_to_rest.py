@@ -23,67 +23,22 @@ as a whole: where such nodes touch, where one body bounces, or where a pair is t
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass, replace
-from functools import cached_property
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import csr_matrix
 
-from contact.half.linalg import factorise
-from mechanical_fmu.contact import ContactQuery
 from mechanical_fmu.dynamics import BodyMotion, Rubbing
+from mechanical_fmu.rubbing_pairs import Answer, ContactStiffness, RubbingPairs, answer_of, pushed, rubbing_pairs
 from mechanical_fmu.system import ForceBalance, Loading, System
-from mechanical_fmu.tangent import constrained, stiffness
 
 Floats = NDArray[np.float64]
 Flags = NDArray[np.bool_]
 
+AT_REST = 1e-4  # of the speed that what acts makes in a step: slower is none
 PRESSED = 10.0  # the square of an acceleration on contact to that without: of what lies, and rings there, 1
 FREE = 1e-60  # of the stiffness by which surfaces stick: none
-
-
-@dataclass(frozen=True)
-class _Answer:
-    """How bodies answer in a step to an impulse, with contact that neither sticks nor lets go, and slips where it does.
-
-    K, contact : (n, n) [N/m] of inertia and contact, and contact's part.  M : (n, n) [kg], scale [1/s2] of it in K.
-    rubs : (n_q,) pair nodes that slip on.
-    """
-
-    system: System
-    K: csr_matrix
-    contact: csr_matrix
-    M: csr_matrix
-    scale: float
-    rubs: Flags
-
-    def solve(self, f: Floats) -> Floats:
-        """Return K^-1 f, (n,), of forces (n,) [N] on what is free."""
-        return np.asarray(self._factor(f * self.system.constraints.free)) * self.system.moving
-
-    @cached_property
-    def _factor(self) -> Callable[[Floats], Floats]:
-        return factorise(constrained(self.system, self.K))
-
-
-@dataclass(frozen=True)
-class _Pairs:
-    """Pairs with friction that touch at the end of a step.
-
-    nodes : (k, n_q) pair nodes of each that touch.  push : (k, n) [N] friction of each at Coulomb's bound, all one way.
-    share : (k,) [1] of that it has.  sticks : (k,) whether no point of it slips.
-    """
-
-    nodes: Flags
-    push: Floats
-    share: Floats
-    sticks: Flags
-
-    def only(self, which: NDArray[np.intp]) -> _Pairs:
-        """Return some of them."""
-        return _Pairs(self.nodes[which], self.push[which], self.share[which], self.sticks[which])
 
 
 def brought_to_rest(system: System, after: BodyMotion, found: ForceBalance,
@@ -97,61 +52,20 @@ def brought_to_rest(system: System, after: BodyMotion, found: ForceBalance,
         return after, np.empty(0)
     if np.abs(after.push[system.masses.without]).max(initial=0.0) > 0.0:
         return after, np.empty(0)
-    rubs = _rubs(system, found, loading)
+    rubs = rubbing_pairs(system, found, loading)
     after = _seen(after, rubs)
-    stopped = _stopped(after, rubs)
-    contact, none = _Contact(system, found, loading), np.zeros(tractions.t_N.size)
+    stopped = _stopped(after, rubs, loading.step.dt)
+    contact, none = ContactStiffness(system, found, loading), np.zeros(tractions.t_N.size)
     across = contact.stiffness(none)
     lies = _lies(system, after, loading, across)
     if stopped is None and not lies:
         return after, np.empty(0)
-    answer = _answer(contact, stopped)
+    answer = answer_of(contact, stopped)
     rest, heat = _laid(after, found, answer) if lies else (after, np.empty(0))
     if stopped is None:
         return rest, heat
     rest, more = _held_up(rest, found, stopped, answer, csr_matrix(contact.stiffness(none, 1.0) - across))
     return rest, heat + more if heat.size and more.size else (heat if heat.size else more)
-
-
-@dataclass(frozen=True)
-class _Contact:
-    """Contact at the end of a step, found : the balance there, under loading."""
-
-    system: System
-    found: ForceBalance
-    loading: Loading
-
-    @cached_property
-    def alone(self) -> csr_matrix:
-        """All stiffness (n, n) [N/m] but that of contact."""
-        free = replace(self.loading, query=None)
-        return stiffness(self.system, self.system.balance(self.found.u, free, tangent=True), free)
-
-    def stiffness(self, mobilised: Floats, sticking: float = FREE) -> csr_matrix:
-        """Return that of contact, (n, n) [N/m].
-
-        mobilised : as of _query.  sticking : share of the stiffness by which surfaces stick.
-        """
-        query = replace(_query(self.system, self.found, self.loading, mobilised), sticking=sticking)
-        with_it = replace(self.loading, query=query)
-        K = stiffness(self.system, self.system.balance(self.found.u, with_it, tangent=True), with_it)
-        return csr_matrix(K - self.alone)
-
-
-def _answer(contact: _Contact, stopped: _Pairs | None) -> _Answer:
-    system, how, tractions = contact.system, contact.system.spec.dynamics, contact.found.tractions
-    assert how is not None
-    assert tractions is not None
-    # Friction that slips grows with the pressure; what was stopped, or sticks, is left to `_held_up`.
-    rubs = tractions.slipping > 0.5
-    if stopped is not None:
-        rubs &= ~stopped.nodes.any(axis=0)
-    # fault: friction does not follow the pressure that a body lies with -> beyond = 0.0 * tractions.mobilised |
-    #   mechanical_fmu/test_friction_inertia
-    beyond = np.where(rubs, 2.0 * tractions.mobilised, 0.0)
-    own, dt = contact.stiffness(beyond), contact.loading.step.dt
-    scale = (1.0 - how.alpha_m) / ((1.0 - how.alpha_f) * how.beta * dt**2)
-    return _Answer(system, csr_matrix(contact.alone + own), own, system.masses.matrix(how.lumped), scale, rubs)
 
 
 def _lies(system: System, after: BodyMotion, loading: Loading, across: csr_matrix) -> bool:
@@ -170,11 +84,11 @@ def _lies(system: System, after: BodyMotion, loading: Loading, across: csr_matri
     return without > 0.0 and v <= (0.5 * loading.step.dt)**2 * without and a <= PRESSED * without
 
 
-def _laid(after: BodyMotion, found: ForceBalance, answer: _Answer) -> tuple[BodyMotion, Floats]:
+def _laid(after: BodyMotion, found: ForceBalance, answer: Answer) -> tuple[BodyMotion, Floats]:
     """The motion of what lies on a surface, and the heat (n_q,) [J] of its friction."""
     v, a = after.v.ravel(), after.a.ravel()
     dv, da = -answer.solve(answer.contact @ v), -answer.solve(answer.contact @ a)
-    rest = _pushed(after, dv, da, -(answer.contact @ (a + da)) / answer.scale)
+    rest = pushed(after, dv, da, -(answer.contact @ (a + da)) / answer.scale)
     if not answer.rubs.any():
         return rest, np.empty(0)
     # What power contact has is that of friction.
@@ -187,7 +101,7 @@ def _laid(after: BodyMotion, found: ForceBalance, answer: _Answer) -> tuple[Body
     return rest, _spread(found, answer.rubs[None], np.ones(1), lost)
 
 
-def _held_up(after: BodyMotion, found: ForceBalance, stopped: _Pairs, answer: _Answer,
+def _held_up(after: BodyMotion, found: ForceBalance, stopped: RubbingPairs, answer: Answer,
              springs: csr_matrix) -> tuple[BodyMotion, Floats]:
     """The motion of what sticks, or slips back, and the heat (n_q,) [J] of the speed along its friction.
 
@@ -211,36 +125,13 @@ def _held_up(after: BodyMotion, found: ForceBalance, stopped: _Pairs, answer: _A
     share = np.clip(held + more, -1.0, 1.0)
     more = scale * (share - held) @ ways
     jump = (share - held) @ push - (answer.contact @ more) / scale
-    rest = _pushed(after, slower, more, jump)
+    rest = pushed(after, slower, more, jump)
     lost = 0.5 * float(v @ (answer.M @ v) - rest.v.ravel() @ (answer.M @ rest.v.ravel()))
     here = stopped.nodes[pairs]
     return replace(rest, rubbing=_rubbing(after.rubbing, here, share)), _spread(found, here, push @ v, lost)
 
 
-def _pushed(motion: BodyMotion, dv: Floats, da: Floats, push: Floats) -> BodyMotion:
-    shape = motion.v.shape
-    return replace(motion, v=motion.v + dv.reshape(shape), a=motion.a + da.reshape(shape),
-                   push=motion.push + push.reshape(shape), f=motion.f - push.reshape(shape))
-
-
-def _rubs(system: System, found: ForceBalance, loading: Loading) -> _Pairs | None:
-    """The pairs with friction that touch; None without any."""
-    tractions = found.tractions
-    assert tractions is not None
-    touches = tractions.t_N < 0.0
-    named = [(pair.mu, nodes) for pair in system.interface.pairs if pair.mu > 0.0 and not pair.tied
-             and (nodes := system.contact.on_slaves([pair.name]) & touches).any()]
-    if not named:
-        return None
-    none = _force(system, found, loading, np.zeros(touches.size))
-    push = np.array([_force(system, found, loading, np.where(nodes, mu, 0.0)) - none for mu, nodes in named])
-    share = [float((tractions.mobilised * tractions.t_N)[nodes].sum() / (mu * tractions.t_N[nodes].sum()))
-             for mu, nodes in named]
-    return _Pairs(np.array([nodes for _, nodes in named]), push.reshape(len(named), -1), np.array(share),
-                  np.array([not tractions.slipping[nodes].any() for _, nodes in named]))
-
-
-def _seen(after: BodyMotion, rubs: _Pairs | None) -> BodyMotion:
+def _seen(after: BodyMotion, rubs: RubbingPairs | None) -> BodyMotion:
     """The motion with the speed along its friction as it is, where that is known."""
     size = float(np.abs(after.rubbing.force).sum())
     if rubs is None or not size > 0.0:
@@ -249,28 +140,15 @@ def _seen(after: BodyMotion, rubs: _Pairs | None) -> BodyMotion:
     return replace(after, rubbing=replace(after.rubbing, along=-power / size))
 
 
-def _stopped(after: BodyMotion, rubs: _Pairs | None) -> _Pairs | None:
-    """Those that stick, or slip on the other way than they did: friction helps them on."""
+def _stopped(after: BodyMotion, rubs: RubbingPairs | None, dt: float) -> RubbingPairs | None:
+    """Those that stick, have come to rest, or slip on the other way than they did: friction helps them on."""
     if rubs is None:
         return None
-    stop = rubs.sticks | (rubs.share * (rubs.push @ after.v.ravel()) > 0.0)
+    along, turns = rubs.push @ after.v.ravel(), np.abs(rubs.push) @ np.abs(after.a.ravel()) * dt
+    # fault: what has just come to rest slips on -> stop = rubs.sticks | (rubs.share * along > 0.0) |
+    #   mechanical_fmu/test_kinks
+    stop = rubs.sticks | (rubs.share * along > -AT_REST * turns)
     return rubs.only(np.flatnonzero(stop)) if stop.any() else None
-
-
-def _query(system: System, found: ForceBalance, loading: Loading, mobilised: Floats) -> ContactQuery:
-    """Contact as it is at the end of a step, with friction : (n_q,) [1] of the pressure at pair nodes."""
-    assert loading.query is not None
-    query, x = loading.query, system.interface.nodes + found.u[: len(system.interface.nodes)]
-    history = replace(query.history, multipliers=query.multipliers, mobilised=mobilised, mobilised_at=np.empty((0, 3)),
-                      x=np.ascontiguousarray(x[system.interface.contact_nodes]))
-    return replace(query, history=history)
-
-
-def _force(system: System, found: ForceBalance, loading: Loading, mobilised: Floats) -> Floats:
-    """Contact forces (n, 2) [N] with that friction, as of a motion."""
-    x = system.interface.nodes + found.u[: len(system.interface.nodes)]
-    force = system.contact.force(_query(system, found, loading, mobilised)(x))
-    return force if system.rigid is None else system.rigid.reduced(force, found.u)
 
 
 def _rubbing(before: Rubbing, nodes: Flags, share: Floats) -> Rubbing:

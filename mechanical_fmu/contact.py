@@ -183,13 +183,12 @@ def status(tractions: Tractions, tied: NDArray[np.bool_] | None = None) -> Float
     return does.astype(np.float64)
 
 
-def slid(tractions: Tractions | None, before: Floats) -> Floats:
+def slid(way: Floats, before: Floats) -> Floats:
     """Return how far slave nodes have slipped since the start, to and fro; before : (n_q,) [m], (0,) without friction.
+
+    way : (n_q,) [m] of it in a step, (0,) of none.
     """
-    if tractions is None or not before.size:
-        return before
-    # fault: slip to and fro goes for none -> return before + tractions.slip | mechanical_fmu/test_slip_path
-    return np.asarray(before + np.abs(tractions.slip))
+    return before + way if way.size and before.size else before
 
 
 def contact_outputs(tractions: Tractions, path: Floats | None = None,

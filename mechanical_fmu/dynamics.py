@@ -28,7 +28,8 @@ ROUND = 1e-9  # of a step: what pieces of it may be off by as they add up
 class Rubbing:
     """Friction at pair nodes, (n_q,) each; (0,) where nothing rubs or it is not known.
 
-    force : [N] at Coulomb's bound, of what slips, with the sign of that.  rate : [m/s] at which it slips, or did when
+    force : [N] at Coulomb's bound, of what slips, with the sign of that; not a number: that at the end of the step is
+    taken, too.  rate : [m/s] at which it slips, or did when
     it parted.  slip : [m] since the start of the step, as contact tells it.  dt [s] : in which it slipped at that rate.
     along : mean speed at the end of what slipped in the step, the way it did then [m/s]; less than 0: it turned round.
     """
@@ -164,7 +165,7 @@ def rubbed(system: System, before: Rubbing, found: ForceBalance, dt: float, sinc
     rate = np.where(touches, way / dt, before.rate if known else 0.0)
     # fault: friction heat of bodies with inertia is by the pressure at the end of steps -> then = force |
     #   mechanical_fmu/test_friction_inertia
-    then = before.force if known else force
+    then = np.where(np.isnan(before.force), force, before.force) if known else force
     # By rates in the middle of two steps, as of an even acceleration.
     went = before.rate != 0.0 if known and before.dt > 0.0 else np.zeros_like(touches)
     speed = rate + np.where(went, dt / (dt + before.dt) * (rate - before.rate), 0.0) if went.any() else rate

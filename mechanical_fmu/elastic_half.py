@@ -27,6 +27,7 @@ from mechanical_fmu.advance import (
     may_skip,
     predicted,
     solved,
+    way_of,
 )
 from mechanical_fmu.contact import slid
 from mechanical_fmu.dynamics import BodyMotion, after_jump, first_motion, stable_step
@@ -51,6 +52,8 @@ Floats = NDArray[np.float64]
 
 # An old factor that needs more iterations than this in a step has had its time.
 MAX_ANCHORED_ITERATIONS = 8
+# What a motion by a table may be off by, of its way in a step, where it goes on with the slope it begins with.
+STRAIGHT = 1e-6
 # Anchors kept: one in use, one that a rollback may return to.
 MAX_ANCHORS = 2
 ISOTHERMAL, ADIABATIC = 0, 1
@@ -137,7 +140,8 @@ class ElasticHalf:
                     _array(state.handed) if len(state.handed) else None)
         if system.spec.stated.inert:
             before, behind = (drive_of(system, inputs, t, side) for side in (-1, 1))
-            state, task = self._behind_jump(state, replace(task, jump=behind.levels - before.levels), behind)
+            task = replace(task, jump=behind.levels - before.levels, kink=self._kink(inputs, t, behind, drive, h))
+            state, task = self._behind_jump(state, task, behind)
         loading = loading_of(system, task, 1.0, task.dt, _array(state.history))
         if method == "newton" and self._anchors_serve and frozen is None:
             found, after = self._anchored(state, task, loading)
@@ -150,7 +154,7 @@ class ElasticHalf:
                         history=found.balance.history, v=motion.v, a=motion.a, f=motion.f, push=motion.push,
                         stored=motion.stored, rubbing=motion.rubbing, skipped=0,
                         damped=state.damped + found.work, made=state.made + found.made,
-                        slid=slid(found.balance.tractions, _array(state.slid)))
+                        slid=slid(found.slid, _array(state.slid)))
         moved = Moved(loading, u, _array(state.history), state.drive, frozen is not None, drive)
         outputs = outputs_of(system, found, moved, after)
         return Done(after_release(system, after, found.balance), outputs, found.dt_stable)
@@ -170,6 +174,16 @@ class ElasticHalf:
         motion = after_jump(system, motion, added, dynamics is None or dynamics.lumped)
         start = replace(task.start, pressure=now.pressure, dead=now.dead)
         return replace(state, a=motion.a, f=motion.f), replace(task, start=start)
+
+    def _kink(self, inputs: Values, t: float, behind: StepDrive, end: StepDrive, h: float) -> Floats:
+        """By how much the slopes of the levels change at t, (n_levels,) [1/s], where they go on straight; else (0,)."""
+        if not self.system.contact.slips:
+            return np.empty(0)
+        before, after = (self.system.constraints.motions.slopes(t, side, inputs) for side in (-1, 1))
+        # Of several kinks in one step the first is none of those that the step sees.
+        went, way = end.levels - behind.levels, h * after
+        straight = np.allclose(went, way, rtol=STRAIGHT, atol=STRAIGHT * float(np.abs(way).max()))
+        return after - before if straight and not np.array_equal(before, after) else np.empty(0)
 
     def _of(self, state: ElasticState) -> ElasticHalf:
         """The half in which what the state has released prescribes nothing."""
@@ -332,7 +346,7 @@ def _told(material: SolidMaterial) -> ElasticMaterial:
 
 def _found(solved: Equilibrium, motion: BodyMotion) -> StepResult:
     return StepResult(solved.balance, motion, solved.balance.heat, solved.iterations, solved.residual, work=solved.work,
-                      runs=solved.runs)
+                      runs=solved.runs, slid=way_of(solved.balance))
 
 
 def _array(value: Any) -> Floats:

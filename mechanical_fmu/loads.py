@@ -37,6 +37,11 @@ def driven(value: Signal, name: str, t: float, side: int, inputs: Values) -> flo
     return value.at(t, side) * float(inputs[f"load.{name}"]) + float(inputs[f"bc.{name}"])
 
 
+def driven_slope(value: Signal, name: str, t: float, side: int, inputs: Values) -> float:
+    """Compute the slope of `driven`, per second, before or behind a kink at t; what a master adds holds still."""
+    return value.slope(t, side) * (float(inputs[f"load.{name}"]) if name else 1.0)
+
+
 def pressure_forces(x: Floats, edges: Ints, p: Floats, axisymmetric: bool) -> Floats:
     """Compute the nodal forces (n_edges, 2, 2) [N] of pressures p : (n_edges,) [Pa] on edges of a mesh.
 

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from contact.half.model import Values
 from contact.half.prescribed import Turn
-from mechanical_fmu.loads import driven
+from mechanical_fmu.loads import driven, driven_slope
 from mechanical_fmu.problem import Displacement
 
 Floats = NDArray[np.float64]
@@ -63,6 +63,19 @@ class Motions:
                 numbers.append(shift)
             if d.turn is not None:
                 numbers.append(driven(d.turn.angle, d.turn.name, t, side, inputs))
+        return np.array([*numbers, 0.0])
+
+    def slopes(self, t: float, side: int, inputs: Values) -> Floats:
+        """Compute (n_levels,) slopes of the levels, m/s and rad/s, at time t [s], before or behind a kink."""
+        numbers: list[float] = []
+        for d, length in zip(self.displacements, self.scale, strict=True):
+            if _is_plain(d):
+                numbers.append(driven_slope(d.value.terms[0].t, d.name, t, side, inputs) * length)
+            else:
+                factor = float(inputs[f"load.{d.name}"]) if d.name else 1.0
+                numbers += [*(s.slope(t, side) * factor for s in d.value.signals), 0.0]
+            if d.turn is not None:
+                numbers.append(driven_slope(d.turn.angle, d.turn.name, t, side, inputs))
         return np.array([*numbers, 0.0])
 
     def target(self, levels: Floats) -> Floats:

@@ -51,12 +51,7 @@ class Signal:
         """Value at time t [s]; at a jump the limit from the left (side=-1) or from the right (side=+1)."""
         if self.t.size == 1:
             return float(self.value[0])
-        nearest = self.t[min(int(np.searchsorted(self.t, t)), self.t.size - 1)]
-        below = self.t[max(int(np.searchsorted(self.t, t)) - 1, 0)]
-        for point in (below, nearest):
-            if abs(t - point) <= SNAP * max(abs(t), abs(point)):
-                t = float(point)
-        i = int(np.searchsorted(self.t, t, side="right" if side > 0 else "left"))
+        t, i = self._piece(t, side)
         if i == 0:
             return float(self.value[0])
         if i == self.t.size:
@@ -64,6 +59,22 @@ class Signal:
         t0, t1 = self.t[i - 1], self.t[i]
         w = (t - t0) / (t1 - t0)
         return float((1.0 - w) * self.value[i - 1] + w * self.value[i])
+
+    def slope(self, t: float, side: int = 1) -> float:
+        """Slope, per second, at time t [s]; at a kink the one before it (side=-1) or behind it (side=+1)."""
+        _, i = self._piece(t, side)
+        if i in (0, self.t.size):
+            return 0.0
+        return float((self.value[i] - self.value[i - 1]) / (self.t[i] - self.t[i - 1]))
+
+    def _piece(self, t: float, side: int) -> tuple[float, int]:
+        """The time, that of a point of the table where it is that, and how many points are before it."""
+        nearest = self.t[min(int(np.searchsorted(self.t, t)), self.t.size - 1)]
+        below = self.t[max(int(np.searchsorted(self.t, t)) - 1, 0)]
+        for point in (below, nearest):
+            if abs(t - point) <= SNAP * max(abs(t), abs(point)):
+                t = float(point)
+        return t, int(np.searchsorted(self.t, t, side="right" if side > 0 else "left"))
 
     @property
     def kinks(self) -> NDArray[np.float64]:
