@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Collection
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
@@ -93,6 +93,7 @@ class ContactQuery:
     history : what contact remembers.  Raises ContactRefusedError.
     multipliers : (n_m,) [Pa] of the moment; those of the history are of the start of the step.
     sticking : share of eps_T [1] by which points stick.
+    away : (n_nodes, 2) [m] how far from x nodes are put, (0,) none.
     """
 
     contact: MeshContact
@@ -100,9 +101,11 @@ class ContactQuery:
     history: History
     multipliers: Floats
     sticking: float = 1.0
+    away: Floats = field(default_factory=lambda: np.empty(0))
 
     def __call__(self, x: Floats) -> Tractions:
         """Ask for the contact tractions at x : (n_nodes, 2) [m].  Raises ContactRefusedError."""
+        x = x + self.away if self.away.size else x
         return self.contact.tractions(self.link, x, self.history, self.multipliers, self.sticking)
 
     def couplings(self, x: Floats) -> Couplings:

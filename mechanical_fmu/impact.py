@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from contact.half.linalg import factorise
 from mechanical_fmu.dynamics import BodyMotion, of_contact
+from mechanical_fmu.groups import Groups, groups_of
 from mechanical_fmu.system import ForceBalance, Loading, System
 from mechanical_fmu.tangent import constrained, stiffness
 
@@ -40,7 +41,6 @@ def with_its_energy(system: System, before: BodyMotion, after: BodyMotion, found
     """
     if found.tractions is None or not len(before.push) or loading.inertia is None:
         return after
-    mean = 0.5 * (before.push + after.push)
     # fault: contact gains energy where surfaces part -> excess = 0.0 | mechanical_fmu/test_impact
     excess = of_contact(before, after, heat)
     how, dt = system.spec.dynamics, loading.step.dt
@@ -49,11 +49,12 @@ def with_its_energy(system: System, before: BodyMotion, after: BodyMotion, found
     momentum = M @ after.v.ravel()
     if abs(excess) <= WORTH * 0.5 * float(momentum @ after.v.ravel()):
         return replace(after, stored=after.stored - excess)
+    mean = _in_doubt(groups_of(system, found.tractions, before.push), before, after)
     alone = replace(loading, query=None)
     K = stiffness(system, system.balance(found.u, alone, tangent=True), alone)
     # K holds M/(beta dt2): velocity over s [s] of the mean force.
     dv = factorise(constrained(system, K))(mean.ravel() * system.constraints.free) * system.moving / (how.beta * dt**2)
-    change = Change(float(momentum @ dv), float(dv @ (M @ dv)), dt * _unsteadiness(before, after))
+    change = Change(float(momentum @ dv), float(dv @ (M @ dv)), dt)
     share = change.share(excess)
     if share is None:
         if not owes:
@@ -64,13 +65,20 @@ def with_its_energy(system: System, before: BodyMotion, after: BodyMotion, found
     return replace(after, v=v, stored=after.stored - (excess + change.energy(share)))
 
 
-def _unsteadiness(before: BodyMotion, after: BodyMotion) -> float:
-    """|change of the contact forces| over |their sum|, at most 1: where nothing opens or closes, nothing is in doubt.
+def _in_doubt(groups: Groups, before: BodyMotion, after: BodyMotion) -> Floats:
+    """(n, 2) [N] what is in doubt of the mean of the contact forces of a step, group by group of what touches.
 
-    Without this bound a surface at rest, whose velocity gives no power, would be struck for every round-off of energy.
+    That is the share |their change| over |their sum|: where nothing opens or closes, nothing is in doubt.  Without this
+    bound a surface at rest, whose velocity gives no power, would be struck for every round-off of energy.
     """
-    most = float(np.abs(before.push + after.push).sum())
-    return min(1.0, float(np.abs(after.push - before.push).sum()) / most) if most else 0.0
+    mean, doubt = 0.5 * (before.push + after.push), np.zeros(len(before.push))
+    change, both = (np.abs(f).sum(axis=1) for f in (after.push - before.push, after.push + before.push))
+    for group in np.unique(groups.label):
+        # fault: what lies still is struck for what bounces -> rows = np.ones_like(doubt) | mechanical_fmu/test_groups
+        rows = groups.rows(groups.label == group)[::2]
+        if (most := float(rows @ both)) > 0.0:
+            doubt += rows * min(1.0, float(rows @ change) / most)
+    return mean * doubt[:, None]
 
 
 @dataclass(frozen=True)

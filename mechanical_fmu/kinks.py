@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mechanical_fmu.dynamics import BodyMotion, Rubbing
+from mechanical_fmu.groups import alone, groups_of
 from mechanical_fmu.rubbing_pairs import ContactStiffness, RubbingPairs, answer_of, force_with, pushed, rubbing_pairs
 from mechanical_fmu.system import ForceBalance, Loading, System
 
@@ -41,9 +42,13 @@ def behind_kink(system: System, motion: BodyMotion, dv: Floats, loading: Loading
     loading : of the step, with its inertia.
     """
     push, dt = motion.push, loading.step.dt
-    if loading.query is None or not dv.any() or not push.any() or push[system.masses.without].any():
+    if loading.query is None or not dv.any() or not push.any():
         return Kink(motion)
     found = system.balance(motion.u, loading)
+    if found.tractions is None:
+        return Kink(motion)
+    groups = groups_of(system, found.tractions)
+    found, loading = alone(groups, found, loading, groups.rigid_ones(motion))
     pairs = rubbing_pairs(system, found, loading)
     if pairs is None:
         return Kink(motion)
@@ -85,7 +90,11 @@ def _of_rigid(system: System, dv: Floats) -> Floats:
 def _shares(system: System, motion: BodyMotion, found: ForceBalance, loading: Loading, pairs: RubbingPairs) -> Floats:
     """(k,) of friction at the bound that the pairs have, as the motion notes it."""
     friction = motion.push - force_with(system, found, loading, np.zeros(pairs.nodes.shape[1]))
-    return np.clip(np.linalg.solve(pairs.push @ pairs.push.T, pairs.push @ friction.ravel()), -1.0, 1.0)
+    assert loading.query is not None
+    # Other bodies push what is held, too.
+    rows = system.moving if loading.query.away.size else np.ones(system.moving.size)
+    share, *_ = np.linalg.lstsq((pairs.push * rows).T, friction.ravel() * rows, rcond=None)
+    return np.clip(share, -1.0, 1.0)
 
 
 def _slips_at_once(contact: ContactStiffness, pairs: RubbingPairs, gives: Floats) -> Flags:

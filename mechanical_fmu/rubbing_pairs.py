@@ -86,6 +86,7 @@ def with_friction(system: System, found: ForceBalance, loading: Loading, mobilis
     """Contact as it is at the end of a step, with friction : (n_q,) [1] of the pressure at pair nodes."""
     assert loading.query is not None
     query, x = loading.query, system.interface.nodes + found.u[: len(system.interface.nodes)]
+    x = x + query.away if query.away.size else x
     history = replace(query.history, multipliers=query.multipliers, mobilised=mobilised, mobilised_at=np.empty((0, 3)),
                       x=np.ascontiguousarray(x[system.interface.contact_nodes]))
     return replace(query, history=history)
@@ -102,14 +103,13 @@ def force_with(system: System, found: ForceBalance, loading: Loading, mobilised:
 class Answer:
     """How bodies answer in a step to an impulse, with contact that neither sticks nor lets go, and slips where it does.
 
-    K, contact : (n, n) [N/m] of inertia and contact, and contact's part.  M : (n, n) [kg], scale [1/s2] of it in K.
+    K, contact : (n, n) [N/m] of inertia and contact, and contact's part.  scale [1/s2] : of the mass in K.
     rubs : (n_q,) pair nodes that slip on.
     """
 
     system: System
     K: csr_matrix
     contact: csr_matrix
-    M: csr_matrix
     scale: float
     rubs: Flags
 
@@ -135,7 +135,7 @@ def answer_of(contact: ContactStiffness, stopped: RubbingPairs | None) -> Answer
     beyond = np.where(rubs, 2.0 * tractions.mobilised, 0.0)
     own, dt = contact.stiffness(beyond), contact.loading.step.dt
     scale = (1.0 - how.alpha_m) / ((1.0 - how.alpha_f) * how.beta * dt**2)
-    return Answer(system, csr_matrix(contact.alone + own), own, system.masses.matrix(how.lumped), scale, rubs)
+    return Answer(system, csr_matrix(contact.alone + own), own, scale, rubs)
 
 
 def pushed(motion: BodyMotion, dv: Floats, da: Floats, push: Floats) -> BodyMotion:
