@@ -36,7 +36,7 @@ from contact.piece import (
 from contact.quadrature import GAUSS
 from contact.surfaces import RegisteredSurfaces, frame_of
 from contact.tied import bonds_at, tied_couplings, ties_of
-from contact.traction import evaluated, piece_cuts, piece_nodes, shares_normal
+from contact.traction import evaluated, opened, piece_cuts, piece_nodes, shares_normal
 
 # The nodes of a piece that have a multiplier or an equation R: those of its two edges.
 ENDS = (0, 1, 4, 5)
@@ -117,6 +117,7 @@ def coupled_pieces(x: Floats, edges: Ints, previous: Ints, following: Ints, met:
             smooth[k] = other >= 0 and shares_normal(normal, e, other)
         nodal = by_node[i] == 1
         piece_cuts(frame_of(x, edges, normal, e), here, values[i, 0], values[i + 1, 0], nodal, ends, moves)
+        opened(here, normal[e, 1:], nodal, values, c, i, ends, moves)
         of_pair[b] = at[i]
         couple_piece(here, normal[e, 1:], smooth, nodal, axisymmetric, moves, ends, values, c, doing, p_N, i,
                      multipliers, at[i], scratch, out[b])
@@ -136,7 +137,7 @@ def couple_piece(x: Floats, n: Floats, smooth: Flags, by_node: bool, axisymmetri
     scratch : (6, 12) [1/m], its last row [m].  Their meaning is that of contact.piece.piece_stiffness.
     """
     d_phi, d_cut, d_xi, d_area = scratch[0:2], scratch[2:4], scratch[4], scratch[5]
-    frame_change(x, n, smooth, moves, ends, d_phi, d_cut)
+    frame_change(x, n, smooth, moves, ends, c, first, d_phi, d_cut)
     for q in range(first, first + 2):
         # fault: multipliers of a node that slid off stay where it was -> along = 0.5 if by_node else (2.0 * (q - first)
         #   - 1.0) * GAUSS | contact/test_nodes_at_ends

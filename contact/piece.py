@@ -20,7 +20,8 @@ from contact.quadrature import GAUSS
 Flags = NDArray[np.bool_]
 
 NODES = 6
-FIXED = -1  # a cut that moves with the edge; else the number of the node whose foot it is
+# A cut that moves with the edge, and one where the gap is 0 (contact.search.opening); else the node whose foot it is.
+FIXED, OPENS = -1, -2
 # Columns of a point's constants: multipliers at the slave's nodes [Pa], penalties [Pa/m], friction [1], the
 # shear if it sticks with its derivatives by xi and eta [Pa], what is added to the gap at the slave's nodes [m], and
 # what slave and master rise above their edges (contact.rounding) where the pair is smooth [m].
@@ -91,17 +92,56 @@ def cut_change(x: Floats, n: Floats, d_phi: Floats, node: int, xi: float, d_cut:
 
 
 @kernel
-def frame_change(x: Floats, n: Floats, smooth: Flags, moves: Floats, ends: Floats, d_phi: Floats,
+def met_at(x: Floats, nx: float, ny: float, xi: float, gap: float, c: Floats, q: int) -> tuple[float, float]:
+    """Return eta [1] of what xi of the slave's edge faces along n, and the length of the ray [m]; gap [m] there.
+
+    x : (6, 2) [m].  c : (n_p, N_CONSTANTS), of which row q is a point of the piece.
+    """
+    px, py = x[0, 0] + xi * (x[1, 0] - x[0, 0]) - x[4, 0], x[0, 1] + xi * (x[1, 1] - x[0, 1]) - x[4, 1]
+    ex, ey = x[5, 0] - x[4, 0], x[5, 1] - x[4, 1]
+    eta = (px * ny - py * nx) / (ex * ny - ey * nx)
+    return eta, ray_length(c, q, gap, xi, eta)
+
+
+@kernel
+def opening_change(x: Floats, n: Floats, d_phi: Floats, xi: float, c: Floats, q: int, d_cut: Floats) -> None:
+    """Fill d_cut : (12,) [1/m] of the slave coordinate xi at which the gap is 0.
+
+    x : (6, 2) [m].  n : (2, 2) [1].  d_phi : (2, 12) [1/m].  c : (n_p, N_CONSTANTS), q : a point of the piece.
+    """
+    nx, ny, by_0, by_1, by_xi = field_normal(n, xi)
+    sx, sy, ex, ey = x[1, 0] - x[0, 0], x[1, 1] - x[0, 1], x[5, 0] - x[4, 0], x[5, 1] - x[4, 1]
+    cross = nx * ey - ny * ex
+    eta, g = met_at(x, nx, ny, xi, 0.0, c, q)
+    # P + g n = M(eta), as in add_point: first by xi, then by each coordinate with xi as it is.
+    wx, wy = sx - g * by_xi * ny, sy + g * by_xi * nx
+    by_edge = (wy * ex - wx * ey) / cross + c[q, OFFSET_2] - c[q, OFFSET_1]
+    by_edge += rounding_change(c, q, xi, eta, 1.0, (wy * nx - wx * ny) / cross)
+    for j in range(2 * NODES):
+        i, along_x, along_y = j // 2, 1.0 - j % 2, float(j % 2)
+        own = (1.0 - xi if i == 0 else xi) if i < 2 else 0.0
+        other = (1.0 - eta if i == 4 else eta) if i >= 4 else 0.0
+        turn = by_0 * d_phi[0, j] + by_1 * d_phi[1, j]
+        wx, wy = (own - other) * along_x - g * turn * ny, (own - other) * along_y + g * turn * nx
+        d_gap = (wy * ex - wx * ey) / cross + rounding_change(c, q, xi, eta, 0.0, (wy * nx - wx * ny) / cross)
+        # fault: the place where surfaces part stays on its edge -> d_cut[j] = 0.0 * d_gap | contact/test_opening
+        d_cut[j] = -d_gap / by_edge
+
+
+@kernel
+def frame_change(x: Floats, n: Floats, smooth: Flags, moves: Floats, ends: Floats, c: Floats, q: int, d_phi: Floats,
                  d_cut: Floats) -> None:
     """Fill how the normals turn, d_phi, and the cuts of a piece move, d_cut, both (2, 12) [1/m].
 
-    x : (6, 2) [m].  n : (2, 2) [1].  smooth : (2,).  moves : (2,) the node each cut follows, or FIXED [1].
-    ends : (2,) the cuts [1].  d_phi, d_cut : (2, 12) [1/m].
+    x : (6, 2) [m].  n : (2, 2) [1].  smooth : (2,).  moves : (2,) the node each cut follows, FIXED or OPENS [1].
+    ends : (2,) the cuts [1].  c : (n_p, N_CONSTANTS), q : a point of the piece.  d_phi, d_cut : (2, 12) [1/m].
     """
     turns(x, smooth, d_phi)
     for k in range(2):
         if int(moves[k]) == FIXED:
             d_cut[k] = 0.0
+        elif int(moves[k]) == OPENS:
+            opening_change(x, n, d_phi, ends[k], c, q, d_cut[k])
         else:
             cut_change(x, n, d_phi, int(moves[k]), ends[k], d_cut[k])
 
@@ -113,15 +153,15 @@ def piece_stiffness(x: Floats, n: Floats, smooth: Flags, by_node: bool, axisymme
     """Fill force : (6, 2) [N] and block : (12, 12) [N/m] = -d(force)/dx of a piece whose nodes are at x : (6, 2) [m].
 
     n : (2, 2) the normals at the slave's nodes [1], and smooth : (2,) whether the neighbouring edge turns them.
-    ends : (2,) the cuts [1], and moves : (2,) the node each follows, or FIXED [1].  points : (n_p, >= 4) xi, eta [1],
-    gap [m], area [m2], c : (n_p, N_CONSTANTS) [Pa, Pa/m, 1] and doing : (n_p,) state [1], the piece's two points in
-    rows first, first + 1.
+    ends : (2,) the cuts [1], and moves : (2,) the node each follows, FIXED or OPENS [1].
+    points : (n_p, >= 4) xi, eta [1], gap [m], area [m2], c : (n_p, N_CONSTANTS) [Pa, Pa/m, 1] and doing : (n_p,)
+    state [1], the piece's two points in rows first, first + 1.
     by_node : the point is at the first of its ends.  scratch : (6, 12) [1/m], its last row [m], overwritten.
     """
     force[:] = 0.0
     block[:] = 0.0
     d_phi, d_cut, d_xi, d_area = scratch[0:2], scratch[2:4], scratch[4], scratch[5]
-    frame_change(x, n, smooth, moves, ends, d_phi, d_cut)
+    frame_change(x, n, smooth, moves, ends, c, first, d_phi, d_cut)
     for q in range(first, first + 2):
         if int(doing[q]) == OPEN:
             continue

@@ -33,6 +33,7 @@ from contact.piece import (
     OFFSET_1,
     OFFSET_2,
     OPEN,
+    OPENS,
     RISE_M,
     RISE_S,
     SLIPS_BACK,
@@ -41,6 +42,8 @@ from contact.piece import (
     TRIAL,
     TRIAL_ETA,
     TRIAL_XI,
+    field_normal,
+    met_at,
     piece_stiffness,
 )
 from contact.quadrature import GAUSS
@@ -122,6 +125,7 @@ def _insert(row: Ints, filled: NDArray[np.int64], s: int, column: int) -> None:
 # Contact forces
 
 CUT_MATCH = 1e-9  # of an edge: a cut this near to a node's foot was made by that node
+ZERO_GAP = 1e-3  # of the gaps at the points of a piece: smaller ones are where it opens
 
 
 @dataclass(frozen=True)
@@ -368,6 +372,7 @@ def pieces(x: Floats, edges: Ints, previous: Ints, following: Ints, met: Ints, v
             smooth[k] = other >= 0 and shares_normal(normal, e, other)
         nodal = by_node[i] == 1
         piece_cuts(frame_of(x, edges, normal, e), here, values[i, 0], values[i + 1, 0], nodal, ends, moves)
+        opened(here, normal[e, 1:], nodal, values, c, i, ends, moves)
         piece_stiffness(here, normal[e, 1:], smooth, nodal, axisymmetric, moves, ends, values, c, doing, i,
                         scratch, forces[b], blocks[b])
         b += 1
@@ -416,3 +421,24 @@ def piece_cuts(frame: Frame, here: Floats, xi_1: float, xi_2: float, nodal: bool
             if abs(first - ends[k]) <= CUT_MATCH or abs(second - ends[k]) <= CUT_MATCH:
                 # fault: cuts do not move with the other side's nodes -> moves[k] = FIXED | contact/test_traction
                 moves[k] = node
+
+
+@kernel
+def opened(here: Floats, n: Floats, nodal: bool, values: Floats, c: Floats, i: int, ends: Floats,
+           moves: Floats) -> None:
+    """Note in moves : (2,) which cuts of a piece, ends : (2,) [1], are where its gap is 0.
+
+    here : (6, 2) [m].  n : (2, 2) [1].  values : (n_p, 5), c : (n_p, N_CONSTANTS), its points in rows i and i + 1.
+    """
+    if nodal:
+        return
+    for k in range(2):
+        if int(moves[k]) != FIXED or min(ends[k], 1.0 - ends[k]) <= CUT_MATCH:
+            continue
+        nx, ny, _, _, _ = field_normal(n, ends[k])
+        # With the gap taken for 0 the ray ends on the master's edge.
+        eta, g = met_at(here, nx, ny, ends[k], 0.0, c, i)
+        x = here[0, 0] + ends[k] * (here[1, 0] - here[0, 0]) + g * nx - here[4, 0] - eta * (here[5, 0] - here[4, 0])
+        y = here[0, 1] + ends[k] * (here[1, 1] - here[0, 1]) + g * ny - here[4, 1] - eta * (here[5, 1] - here[4, 1])
+        if np.sqrt(x * x + y * y) <= ZERO_GAP * max(abs(values[i, 2]), abs(values[i + 1, 2])):
+            moves[k] = OPENS

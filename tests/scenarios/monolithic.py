@@ -86,28 +86,28 @@ def across(line: Line, X: Floats, z: Floats) -> Floats:
     N = np.stack([1.0 - GAUSS, GAUSS])
     gap = (X[line.slave, 1] - X[line.master, 1]) + z[2] - z[3]
     g = np.einsum("aq,ae->qe", N, gap[ends])
-    p = line.eps_N * np.maximum(-g, 0.0)
+    # Where surfaces part within an edge the pressure is that up to there: two points on either side of it.
+    first, last = gap[ends]
+    part = np.where(first * last < 0.0, first / np.where(first == last, 1.0, first - last), 1.0)
+    xi = np.concatenate([part * GAUSS[:, None], part + (1.0 - part) * GAUSS[:, None]])
+    weight = np.concatenate([np.tile(A * part, (2, 1)), np.tile(A * (1.0 - part), (2, 1))])
+    p = line.eps_N * np.maximum(-((1.0 - xi) * first + xi * last), 0.0) * weight
     pushed, faced = np.zeros(n), np.zeros(n)
-    for a in range(2):
-        np.add.at(pushed, ends[a], (N[a][:, None] * p * A).sum(axis=0))
+    for a, share in enumerate((1.0 - xi, xi)):
+        np.add.at(pushed, ends[a], (share * p).sum(axis=0))
         np.add.at(faced, ends[a], N[a].sum() * A)
     p_N = np.einsum("aq,ae->qe", N, (pushed / faced)[ends])
     h = np.where(touched(gap)[ends].any(axis=0), line.closed(p_N), line.opened(np.maximum(g, 0.0)))
     q = h * A * np.einsum("aq,ae->qe", N, (z[1] - z[0])[ends])
     for a in range(2):
-        share = N[a][:, None]
-        np.add.at(out[0], ends[a], (share * q).sum(axis=0))
-        np.add.at(out[2], ends[a], (share * p * A).sum(axis=0))
+        np.add.at(out[0], ends[a], (N[a][:, None] * q).sum(axis=0))
+    out[2] = pushed
     out[1], out[3] = -out[0], -out[2]
     return out
 
 
 def touched(gap: Floats) -> NDArray[np.bool_]:
-    """(n,) whether a node has a pressure, however small: one that overlaps presses on its neighbours' edges too.
-
-    Cut at nodes that have shifted by a hair, an edge has a piece at its overlapping end, and the node at its other end
-    a pressure of a few Pa; the film of gas begins beyond that node.
-    """
+    """(n,) whether a node has a pressure, however small: one that overlaps presses on its neighbours' edges too."""
     over = gap < 0.0
     over[1:] |= gap[:-1] < 0.0
     over[:-1] |= gap[1:] < 0.0

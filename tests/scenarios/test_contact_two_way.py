@@ -99,7 +99,7 @@ def worst(results: Results, folder: Path, dt: float) -> float:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("scheme", "cap"), [("staggered", 2.5), ("extrapolated", 1.7)])
+@pytest.mark.parametrize(("scheme", "cap"), [("staggered", 2.6), ("extrapolated", 1.95)])
 def test_what_staggering_costs_halves_with_the_window(scheme: str, cap: float, tmp_path: Path) -> None:
     """Both take backward Euler, so only the exchange differs: first order in the window, and little of it."""
     found = []
@@ -111,11 +111,7 @@ def test_what_staggering_costs_halves_with_the_window(scheme: str, cap: float, t
 
 
 def test_iterated_windows_that_see_the_end_are_the_one_system(tmp_path: Path) -> None:
-    """Backward Euler on both fields at once is what they iterate to: only the size of the strain is left.
-
-    Windows of 4 s would end one in which a node overlaps by a hair and no quadrature point does yet: there the rule of
-    `touched` is the reference's own.
-    """
+    """Backward Euler on both fields at once is what they iterate to: only the size of the strain is left."""
     scene = blocks("iterated", [{"until": 60, "size": 2}])
     scene["coupling"]["iteration"] = {"level": "end"}
     found = solve(tmp_path, scene)

@@ -54,11 +54,10 @@ def checks(log: EnergyLog) -> tuple[Check, ...]:
         return (measured(
             NAME, gained, (NOTE_AT, LIMIT), t=log.t,
             what=f"bodies gained {log.gained:.3g} J of nothing by t = {log.t:.6g} s, {100 * gained:.3g} % of their "
-                 "largest kinetic energy: they turn by too much in a window, vibrations that windows do not "
-                 "resolve feed on it, or a corner digs in between the points of contact",
+                 "largest kinetic energy: they turn by too much in a window, or vibrations that windows do not "
+                 "resolve feed on it",
             remedy="Use mechanical.elastic.dynamics: {rho_inf: 0.8}, which damps what rings too fast for the windows, "
-                   "or smaller windows (coupling.adaptive.most, coupling.windows); make bodies rigid that are stiff; "
-                   "where bodies meet by their corners, form: nodes of the pair, or finer cells along it"),)
+                   "or smaller windows (coupling.adaptive.most, coupling.windows); make bodies rigid that are stiff"),)
     return (measured(
         # fault: energy that damping takes from a motion is not told -> NAME, 0.0, (NOTE_AT, float("inf")), |
         #   coupler/test_trust_energy
