@@ -179,6 +179,10 @@ def accept(attempt: Attempt) -> Decision:
         solved = replace(solved, verdict=Verdict.ERROR, message=f"{error.words}; the window is at its least",
                          anyway=True)
         attempt = replace(attempt, solved=solved)
+    # fault: a window is taken that sees nothing of what begins in it -> elif False: | coupler/test_estimate_strain
+    elif error is not None and error.unseen and adaptive.first < attempt.H and not at_least(attempt):
+        why = f"{error.unseen.replace('_', ' ')} bends in the second half of the window, where nothing tells its error"
+        return Decision(rejected(solved, Verdict.ERROR, why), shorter(attempt, 0.5 * attempt.H, why), error=error)
     return _ruled(attempt, _Found(error, found, events_memory))
 
 

@@ -21,6 +21,7 @@ from coupler.schemes.levels import Level
 from coupler.schemes.schedule import Clock
 from coupler.schemes.state import Span
 
+NOTHING = Memory()
 LEVELS = [level(t, 900.0 + t * t) for t in (3.0, 2.0, 1.0)]  # H^2 T'' = 2 K
 
 
@@ -54,15 +55,31 @@ def test_a_ratio_that_two_measurements_on_end_find_small_is_believed() -> None:
     assert told == pytest.approx([0.5, 0.25, 0.5])
 
 
-def in_halves(error: float) -> tuple[Memory, Estimate]:
-    """What is known after a window kept in halves whose answer in one was off by so much more [K]."""
+def in_halves(error: float, memory: Memory = NOTHING) -> tuple[Memory, Estimate]:
+    """What is known after a window kept in halves whose answer in one was off by so much more [K].
+
+    memory : before it.
+    """
     before, halves = solved_at(LEVELS[1], (LEVELS[2],)).state, solved_at(LEVELS[0], tuple(LEVELS[1:]))
     one = replace(LEVELS[0], T=LEVELS[0].T + np.array([error / 1.5, 0.0]))
     solved = replace(halves, whole=solved_at(one, tuple(LEVELS[1:])))
-    found = error_estimate.estimate(Memory(), before, solved, ErrorTolerances(
+    found = error_estimate.estimate(memory, before, solved, ErrorTolerances(
         temperature=Tolerance(atol=1.0, rtol=0.0)), Iteration())
     assert found is not None
-    return error_estimate.after(Memory(), before, solved, found), found
+    return error_estimate.after(memory, before, solved, found), found
+
+
+@pytest.mark.parametrize(("bent", "error", "begins", "unseen", "pause"), [
+    (1.0, 0.01, (), "", 1), (0.1, 0.01, ("temperature",), "", 0), (0.1, 0.001, ("temperature",), "temperature", 0),
+    (0.1, 0.0, ("temperature",), "temperature", 0)])
+def test_what_begins_in_a_window_is_known_once_it_went_on(bent: float, error: float, begins: tuple[str, ...],
+                                                          unseen: str, pause: int) -> None:
+    """T bends by 2 K: what was measured where it bent by 0.1 K tells nothing of it, nor do answers within 2 mK."""
+    before = known_of(Measured(RATIOS, 1.0, bent={"temperature": bent}))
+    assert (carried(before) is None) == bool(begins)
+    memory, found = in_halves(error, before)
+    assert (found.begins, found.unseen) == (begins, unseen)
+    assert memory.of(X).left == pause
 
 
 def test_after_a_window_kept_in_halves_one_in_one_is_held_against_one_in_one() -> None:
