@@ -150,11 +150,11 @@ class Observer:
         if due:
             self.frame(now, look, chosen=not asked)
         self._look_at_equilibrium(look, now.t, at_end)
-        event = tried.span.clock.seconds(tried.after.control.event)
+        event, end = tried.span.clock.seconds(tried.after.control.event), self._scenario.coupling.end
         # fault: nobody asks how far extremes are off -> if False: | coupler/test_trust_extremes
-        if self._of_extremes and self._watch.wants_extremes(self.trust, at_end, now.t, event):
+        if self._of_extremes and self._watch.wants_extremes(self.trust, at_end, now.t, event, end):
             told = {n: float(v) for n, v in look.read("thermal", self._of_extremes).items()}
-            self.trust = self._watch.with_extremes(self.trust, told, now.t)
+            self.trust = self._watch.with_extremes(self.trust, told, now)
 
     def rejected(self, tried: Tried, now: Level, ledger: Ledger) -> None:
         """Record a rejected window.  now : at its start, where both halves are again."""

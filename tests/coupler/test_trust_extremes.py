@@ -56,6 +56,29 @@ output: {checkpoint: 0}
 """
 
 
+TOUCH = """
+slideline: 2
+units: {temperature: K}
+geometry: plane
+materials: {steel: {rho: 7000, c: 700, k: 30, alpha: 0}, copper: {rho: 8900, c: 385, k: 390, alpha: 0}}
+bodies:
+  a: {mesh: {rectangle: {origin: [0, 0], size: [0.1, 0.02], cells: [40, 1]}}, material: steel, T0: 300}
+  b: {mesh: {rectangle: {origin: [0.1, 0], size: [0.1, 0.02], cells: [40, 1]}}, material: copper, T0: 1000}
+contact:
+  face: {slave: b.left, master: a.right, gap_max: 0.002, conduction: {closed: {law: constant, h: 1.0e+5}, open: null}}
+thermal: {}
+mechanical: {half: rigid, rigid: {pressure: {face: 1.0e+6}}}
+coupling: {end: 100}
+"""
+
+
+def watched(log, t, high, low=None, *, reached=0.0, windows=1, span=1.0):
+    """The log after a look.  high, low : body -> what its extreme is off by [K]."""
+    told = {f"mesh.T_high_off.{b}": off for b, off in high.items()}
+    told |= {f"mesh.T_low_off.{b}": off for b, off in (low or {}).items()}
+    return extremes.watched(log, told, dict.fromkeys(told, reached), windows, span, float(t))
+
+
 def check_of(rows, name=extremes.NAME):
     return next((c for c in rows if c.name == name), None)
 
@@ -106,12 +129,12 @@ def test_it_looks_when_temperatures_rise():
         span = 50.0 if 100 <= windows < 105 else 10.0
         if extremes.due(log, windows, span, windows == 200, t=1.0, event=0.0):
             looked.append(windows)
-            log = extremes.watched(log, {"mesh.T_high_off.a": 1.0}, windows, span, float(windows))
+            log = watched(log, windows, {"a": 1.0}, windows=windows, span=span)
     assert looked == [4, 16, 64, 100, 200]
 
 
 def test_it_waits_after_contact_changed():
-    log = extremes.watched(ExtremesLog(), {"mesh.T_high_off.a": 1.0}, 16, 10.0, 16.0)
+    log = watched(ExtremesLog(), 16, {"a": 0.1}, windows=16, span=10.0)
     assert extremes.due(log, 64, 10.0, False, t=100.0, event=80.0)
     assert not extremes.due(log, 64, 10.0, False, t=100.0, event=95.0)
     # A run in which it changes all the time is looked at all the same.
@@ -123,7 +146,7 @@ def test_it_waits_after_contact_changed():
 def test_what_harms_nobody_is_not_noted(tmp_path):
     """A film of 80 K warms a body of one cell by 3 uK in a microsecond: its surface is off by as much, and no more."""
     (tmp_path / "short.yaml").write_text(SHORT)
-    log = extremes.watched(ExtremesLog(), {"mesh.T_high_off.a": 3e-6}, 1, 3e-6, 1e-6)
+    log = watched(ExtremesLog(), 1e-6, {"a": 3e-6}, span=3e-6)
     for slight, verdict in ((0.0, "broken"), (7e-7, "broken"), (3.1e-6, "holds"), (1e-6, "noted")):
         (check,) = extremes.checks(log, 3e-6, slight)
         assert check.verdict == verdict
@@ -135,17 +158,50 @@ def test_what_harms_nobody_is_not_noted(tmp_path):
 
 def test_the_largest_of_all_looks_counts():
     assert extremes.checks(ExtremesLog(), 1.0) == ()
-    log = extremes.watched(ExtremesLog(), {"mesh.T_high_off.a": -1.0, "mesh.T_low_off.a": -1.0}, 1, 1.0, 1.0)
+    log = watched(ExtremesLog(), 1.0, {"a": -1.0}, {"a": -1.0})
     (check,) = extremes.checks(log, 100.0)
     assert check.verdict == "not checked"
     for t, high, low in ((2.0, 5.0, 25.0), (3.0, 8.0, 4.0), (4.0, -1.0, 3.0)):
-        log = extremes.watched(log, {"mesh.T_high_off.a": high, "mesh.T_low_off.a": low}, int(t), 1.0, t)
-    assert (log.looks, log.known, dict(log.off)) == (4, 3, {"mesh.T_high_off.a": 8.0, "mesh.T_low_off.a": 25.0})
+        log = watched(log, t, {"a": high}, {"a": low})
+    assert (log.looks, len(log.told), list(log.told[-1].off)) == (4, 3, ["mesh.T_low_off.a"])
     for span, verdict in ((1000.0, "holds"), (200.0, "noted"), (100.0, "broken"), (0.0, "broken")):
         (check,) = extremes.checks(log, span)
         assert (check.verdict, check.number) == (verdict, 25.0 / max(span, 25.0))
     assert check.t == 2.0
     assert "the coldest temperature of a" in check.sentence
-    at_rest = extremes.watched(ExtremesLog(), {"mesh.T_high_off.a": 0.0}, 1, 0.0, 1.0)
-    (check,) = extremes.checks(at_rest, 0.0)
+    (check,) = extremes.checks(watched(ExtremesLog(), 1.0, {"a": 0.0}), 0.0)
     assert (check.verdict, check.number) == ("holds", 0.0)
+
+
+@pytest.mark.parametrize(("reached", "next_at", "counts"), [
+    (100.0, 1.0, 2.0),  # gone, and warmer later
+    (100.0, 3.0, 30.0),  # lasts
+    (180.0, 1.0, 30.0), (120.0, 1.0, 10.0)])  # a peak, and one that may be a little higher than what comes later
+def test_what_is_soon_gone_is_told_as_far_as_it_is_a_peak(reached, next_at, counts):
+    """Off by 30 K at 10 us of 100 s, by 2 K at the next look, where the body has come to 140 K."""
+    for high in (True, False):
+        log, sign = ExtremesLog(), 1.0 if high else -1.0
+        for t, off, T in ((1e-5, 30.0, reached), (next_at, 2.0, 140.0), (100.0, 0.5, 120.0)):
+            log = watched(log, t, *(({"a": off}, {}) if high else ({}, {"a": off})), reached=300.0 + sign * T)
+        (check,) = extremes.checks(log, 200.0)
+        assert check.number == pytest.approx(counts / 200.0)
+
+
+def test_it_looks_whether_an_error_is_gone():
+    log = watched(ExtremesLog(), 0.1, {"a": 6.0}, windows=16, span=100.0)
+    quarter = 0.1 + 0.25 * extremes.BRIEF * 100.0
+    for t, looks in ((0.999 * quarter, False), (1.001 * quarter, True)):
+        assert extremes.due(log, 17, 100.0, False, t=t, event=0.0, end=100.0) is looks
+    # What began long after the start lasts, and what is not noted may stay.
+    late, slight = (watched(ExtremesLog(), t, {"a": off}, windows=16, span=100.0)
+                    for t, off in ((10.0, 6.0), (0.1, 4.9)))
+    assert not extremes.due(late, 17, 100.0, False, t=19.0, event=0.0, end=100.0)
+    assert not extremes.due(slight, 17, 100.0, False, t=1.0, event=0.0, end=100.0)
+
+
+def test_bodies_that_touch_at_once_are_told_what_lasts(tmp_path):
+    """On any mesh the surface is off by a tenth of the step at some first moment, here 12 ms of 100 s."""
+    (tmp_path / "touch.yaml").write_text(TOUCH)
+    result = run(load_scenario(tmp_path / "touch.yaml"), tmp_path / "run.h5")
+    check = check_of(result.trust)
+    assert (check.verdict, check.number < 0.03) == ("holds", True)

@@ -24,6 +24,11 @@ class Bodies:
         """Return the mean temperature of each body, (n_bodies,) [K]."""
         return np.bincount(self._of, weights=now.T[self._inside], minlength=len(self._counts)) / self._counts
 
+    def extremes(self, now: Level, body: str) -> tuple[float, float]:
+        """Return the lowest and the highest temperature of a body [K]."""
+        T = now.T[self._interface.node_body == self._interface.bodies.index(body)]
+        return float(T.min()), float(T.max())
+
     def moved(self, now: Level) -> Array:
         """Return the mean displacement of each body, (n_bodies, 2) [m]."""
         u = now.x[self._inside] - self._interface.nodes[self._inside]

@@ -166,13 +166,16 @@ class TrustWatch:
         """Return the log after a look at the stress at t [s].  told : outputs of the mechanical half by name [Pa]."""
         return replace(log, peak_stress=self._peak_stress.watched(log.peak_stress, told, t))
 
-    def wants_extremes(self, log: TrustLog, at_end: bool, t: float, event: float) -> bool:
+    def wants_extremes(self, log: TrustLog, at_end: bool, t: float, event: float, end: float) -> bool:
         """Whether to ask the thermal half for what its mesh does to extremes.  The rest is as of `extremes.due`."""
-        return extremes.due(log.extremes, log.windows, log.temperatures.own_span, at_end, t, event)
+        return extremes.due(log.extremes, log.windows, log.temperatures.own_span, at_end, t, event, end)
 
-    def with_extremes(self, log: TrustLog, told: Mapping[str, float], t: float) -> TrustLog:
-        """Return the log after the thermal half told at t [s] how far its extremes are off [K], by name."""
-        return replace(log, extremes=extremes.watched(log.extremes, told, log.windows, log.temperatures.own_span, t))
+    def with_extremes(self, log: TrustLog, told: Mapping[str, float], now: Level) -> TrustLog:
+        """Return the log after the thermal half told how far its extremes are off now [K], by name."""
+        reached = {name: self._bodies.extremes(now, body)[int(high)] for name in told
+                   for high, body in (extremes.which(name),)}
+        return replace(log, extremes=extremes.watched(log.extremes, told, reached, log.windows,
+                                                      log.temperatures.own_span, now.t))
 
     def acted(self, log: TrustLog, acted: instants.Acted) -> TrustLog:
         """Return the log after rules were asked at the end of a window that was taken."""
