@@ -80,6 +80,7 @@ class Memory:
     spent : solver calls of looks, and of gains but for those that turns paid for.  gains : so many were measured.
     turned : whether a probe turned round by much since the last of them.
     switched : whether contact closed or opened in the last window.
+    again : whether something began in the window that was looked at last, of which the next tells how it goes on.
     """
 
     course: Course = field(default_factory=Course)
@@ -99,6 +100,7 @@ class Memory:
     gains: int = 0
     turned: bool = False
     switched: bool = False
+    again: bool = False
 
 
 def first(plan: Plan, state: CoupledState) -> Memory:
@@ -160,15 +162,26 @@ def wanted(memory: Memory, seen: Looked, number: int, plan: Plan, *, last: bool 
     if number < HISTORY:
         # fault: the first windows are not looked at -> return False | coupler/test_spare
         return number == 0 or windows > HISTORY
-    more = seen.second > BENDS_MORE * memory.highest
+    more = _bends_more(memory, seen)
+    # What was seen before something began tells nothing of how it goes on, nor does the window that it began in.
+    # fault: what goes on after something began is as wrong as what was before -> if False: |
+    #   coupler/test_estimate_strain
+    if memory.again:
+        return True
     # fault: what bends most waits for its turn -> if False: | coupler/test_spare
     if _at_any_cost(memory, seen) or (last and _tells_more(memory, seen)):
         return True
     pause = windows * LOOK / (AT_FIRST + _earned(memory.course, seen.second) * windows)
     # fault: what begins to bend is not looked at before its turn -> if False: | coupler/test_spare
-    if (more & (seen.second > VISIBLE * memory.course.range)).any() and memory.since >= PART * pause:
+    if more and memory.since >= PART * pause:
         return memory.credit >= -AT_FIRST and _can_afford(memory, 0.0, plan)
     return memory.credit >= LOOK and memory.since >= pause and _can_afford(memory, LOOK, plan)
+
+
+def _bends_more(memory: Memory, seen: Looked) -> bool:
+    """Whether a probe bends more than at any look before, by what is seen."""
+    visible = seen.second > VISIBLE * memory.course.range
+    return bool((visible & (seen.second > BENDS_MORE * memory.highest)).any())
 
 
 def _at_any_cost(memory: Memory, seen: Looked) -> bool:
@@ -198,7 +211,8 @@ def spent(memory: Memory, seen: Looked, number: int) -> Memory:
     # fault: looks at switches leave nothing for the rest -> if False: | coupler/test_spare
     if number >= HISTORY and _at_any_cost(memory, seen):
         return replace(memory, highest=highest)
-    return replace(memory, credit=memory.credit - LOOK, since=0, highest=highest, spent=memory.spent + seen.solves)
+    return replace(memory, credit=memory.credit - LOOK, since=0, highest=highest, spent=memory.spent + seen.solves,
+                   again=number >= HISTORY and not memory.again and _bends_more(memory, seen))
 
 
 @dataclass(frozen=True)

@@ -213,11 +213,23 @@ def test_looks_take_a_twentieth_of_the_run_however_it_bends():
 def test_what_bends_most_at_a_switch_is_looked_at_whatever_that_costs():
     """The budget of 40 windows is spent on the first two, in which nothing moves; then contact closes, and opens."""
     bends = np.zeros(40)
-    bends[[3, 4, 30]] = [1.0, 50.0, -500.0]
-    assert looks(bends) == [0, 1, 3]
-    assert looks(bends, {3, 4, 30}) == [0, 1, 3, 4, 30]
+    bends[[3, 5, 30]] = [1.0, 50.0, -500.0]
+    assert looks(bends) == [0, 1, 3, 4]
+    assert looks(bends, {3, 5, 30}) == [0, 1, 3, 5, 30]
     bends[31:39] = 500.0 * (-1.0) ** np.arange(8)
-    assert looks(bends, range(30, 39)) == [0, 1, 3, 30], "twice as much each time"
+    assert looks(bends, range(30, 39)) == [0, 1, 3, 4, 30], "twice as much each time"
+
+
+def test_the_window_after_one_in_which_something_began_is_looked_at():
+    """In that one it began somewhere inside; the next tells how it goes on, once each time."""
+    bends = np.zeros(400)
+    bends[100:] = 0.1
+    bends[100] = 5.0
+    assert [k for k in looks(bends) if 90 < k < 110] == [100, 101]
+    bends[100:110] = 5.0 * 3.0 ** np.arange(10)
+    found = looks(bends)
+    assert {100, 101} <= set(found)
+    assert len(found) <= 0.05 * 400 / 2.0
 
 
 def test_smooth_windows_are_looked_at_wherever_contact_switched_before():
