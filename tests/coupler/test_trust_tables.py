@@ -19,7 +19,7 @@ TABLE = {"T": [300, 900], "value": [50, 30]}
 
 
 def scene(material: dict[str, Any] | None = None, body: dict[str, Any] | None = None,
-          film: dict[str, Any] | None = None) -> Scenario:
+          film: dict[str, Any] | None = None, radiation: dict[str, Any] | None = None) -> Scenario:
     """Two bars side by side, of steel and of copper, and a block of the first of another material."""
     plain = {"rho": 7800, "c": 500, "k": 50}
     def bar(x: float) -> dict[str, Any]:
@@ -30,6 +30,8 @@ def scene(material: dict[str, Any] | None = None, body: dict[str, Any] | None = 
         "materials": {"steel": plain | (material or {}), "copper": plain},
         "bodies": {"one": {"mesh": bar(0.0), "material": "steel", "T0": 300} | (body or {}),
                    "two": {"mesh": bar(2.0), "material": "copper", "T0": 300}},
+        "contact": {"slit": {"slave": "one.right", "master": "two.left", "gap_max": 2, "conduction": {
+            "closed": None, "open": None}} | ({"radiation": radiation} if radiation else {})},
         "thermal": {"boundary": [{"on": "one.left", "convection": {"h": 1, "T": 300} | (film or {})}]},
         "mechanical": {"half": "rigid"}, "coupling": {"end": 1}}), Path("scene.yaml"), {})
 
@@ -106,3 +108,15 @@ def test_a_region_has_the_tables_of_its_material() -> None:
     tables = MaterialTables(of.interface, of.models)
     assert [t.what for t in tables.tables] == ["k of steel"]
     assert of.interface.nodes[tables.nodes[0], 0].max() == 0.5
+
+
+def test_emissivities_of_a_pair_are_asked_for_at_their_own_sides() -> None:
+    check = told(scene(radiation={"emissivity_slave": TABLE | {"value": [0.3, 0.5]}, "emissivity_master": 0.8}),
+                 (600.0, 2000.0))
+    assert check is not None
+    assert check.verdict is TrustVerdict.HOLDS
+    check = told(scene(radiation={"emissivity_slave": 0.8, "emissivity_master": TABLE | {"value": [0.3, 0.5]}}),
+                 (600.0, 1200.0))
+    assert check is not None
+    assert check.number == pytest.approx(0.5)
+    assert check.what.startswith("the table emissivity_master of pair slit")

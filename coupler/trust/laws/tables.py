@@ -78,6 +78,13 @@ class MaterialTables:
                     tables = [t for kind, key in (("convection", "h_factor"), ("radiation", "emissivity"))
                               for t in _tables((condition.get(kind) or {}).get(key), f"{key} on {surface}", EVERYWHERE)]
                     found += self._placed(tables, np.unique(interface.surfaces[surface]).astype(np.int32))
+            for pair in interface.pairs:
+                radiation = (model.get("pairs", {}).get(pair.name) or {}).get("radiation") or {}
+                # fault: emissivities of pairs end nowhere -> for side, surface in (): | coupler/test_trust_tables
+                for side, surface in (("slave", pair.slave), ("master", pair.master)):
+                    key = f"emissivity_{side}"
+                    own_tables = list(_tables(radiation.get(key), f"{key} of pair {pair.name}", EVERYWHERE))
+                    found += self._placed(own_tables, np.unique(interface.surfaces[surface]).astype(np.int32))
         self.tables = tuple(found)
 
     def _placed(self, tables: list[tuple[str, Span, Span]], nodes: NDArray[np.int32]) -> Iterator[Table]:

@@ -78,7 +78,7 @@ def faded(interface: Interface, model: Mapping[str, Any]) -> Iterator[Faded]:
         spec = model.get("pairs", {}).get(pair.name) or {}
         if (gap := (spec.get("radiation") or {}).get("gap")) is not None:
             yield _fading(f"the radiation of pair {pair.name} changes with the gap", gap, both, rises=False)
-        for law in _tables((spec.get("conduction") or {}).get("open")):
+        for law in tables_of((spec.get("conduction") or {}).get("open")):
             yield _tabulated(f"the conductance of pair {pair.name} changes with the gap", law, both)
 
 
@@ -102,10 +102,11 @@ def _fading(where: str, gap: Mapping[str, float], nodes: NDArray[Any], *, rises:
     return Faded(where, share, nodes.astype(np.intp), ends - begins, 1.0, 1.0 if rises else 0.0)
 
 
-def _tables(law: Mapping[str, Any] | None) -> Iterator[Mapping[str, Any]]:
+def tables_of(law: Mapping[str, Any] | None) -> Iterator[Mapping[str, Any]]:
+    """Return the tables over pressure or gap that a law of conductance is made of."""
     if law is None:
         return
     if law.get("law") == "table" and law.get("variable", "x") == "x":
         yield law
     for part in law.get("of", ()):
-        yield from _tables(part)
+        yield from tables_of(part)

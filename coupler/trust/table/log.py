@@ -9,7 +9,7 @@ from coupler.trust.checks import Check, measured
 from coupler.trust.in_space import across, carried, extremes, heat_mesh, mesh, peak_stress
 from coupler.trust.in_time import drives, errors, instants, motion, rhythm, stability, steady
 from coupler.trust.laws import energy, equilibrium, solved, stored, tables, temperatures
-from coupler.trust.surfaces import facets, passing, penetration, round_gaps, skipped, unpaired, ways
+from coupler.trust.surfaces import facets, passing, penetration, pressures, round_gaps, skipped, unpaired, ways
 
 # Errors of windows add up, and each may be one tolerance: what was taken above it may be this part of all of them.
 OVER = 0.1
@@ -37,6 +37,7 @@ class TrustLog:
     carried: carried.CarriedLog = field(default_factory=carried.CarriedLog)
     equilibrium: equilibrium.EquilibriumLog = field(default_factory=equilibrium.EquilibriumLog)
     tables: tables.TableLog = field(default_factory=tables.TableLog)
+    pressures: pressures.PressureLog = field(default_factory=pressures.PressureLog)
     across: across.AcrossLog = field(default_factory=across.AcrossLog)
     mesh: mesh.MeshLog = field(default_factory=mesh.MeshLog)
     peak_stress: peak_stress.PeakLog = field(default_factory=peak_stress.PeakLog)

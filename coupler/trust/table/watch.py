@@ -24,7 +24,7 @@ from coupler.trust.in_time import drives, errors, instants, motion, rhythm, stab
 from coupler.trust.in_time.errors import Looked
 from coupler.trust.in_time.phases import Mask
 from coupler.trust.laws import delivered, energy, equilibrium, solved, stored, tables, temperatures
-from coupler.trust.surfaces import facets, passing, penetration, round_gaps, skipped, unpaired, ways
+from coupler.trust.surfaces import facets, passing, penetration, pressures, round_gaps, skipped, unpaired, ways
 from coupler.trust.table.bodies import Bodies
 from coupler.trust.table.log import TrustLog, check_of_windows, taken
 
@@ -75,6 +75,7 @@ class TrustWatch:
                          if of_heat.get(pair.name)]
         self._peak_stress = peak_stress.PeakStress(interface, models["mechanical"], stress or {})
         self._tables = tables.MaterialTables(interface, models)
+        self._pressures = pressures.PressureTables(interface, models["thermal"])
         self._stored = stored.StoredHeat(interface, models["thermal"], "thermal" in self._own_meshes,
                                          ignored)
         self._placed = skipped.PlacedData(interface, models["thermal"])
@@ -139,7 +140,8 @@ class TrustWatch:
             energy=energy.watched(log.energy, monitors, now.t),
             motion=log.motion if not self._motion.has_inertia else self._motion.watched(
                 log.motion, (self._bodies.moved(before), self._bodies.moved(now)), now.t - before.t, fresh),
-            tables=self._tables.watched(log.tables, now), stored=self._stored.watched(log.stored, now, heats))
+            tables=self._tables.watched(log.tables, now), pressures=self._pressures.watched(log.pressures, now),
+            stored=self._stored.watched(log.stored, now, heats))
 
     def wants_equilibrium(self, log: TrustLog, t: float, end: float, at_end: bool = False) -> bool:
         """Whether to ask the mechanical half for `equilibrium.OUTPUT` at t [s] of a run to `end` [s]."""
@@ -207,6 +209,7 @@ class TrustWatch:
             *steady.checks(log.steady),
             temperatures.check(log.temperatures, place(log.temperatures.node)),
             *self._tables.checks(log.tables),
+            *self._pressures.checks(log.pressures),
             *carried.checks(log.carried, log.temperatures.most - log.temperatures.least,
                             "thermal" in self._own_meshes),
             *carried.shape_checks(log.shapes, "mechanical" in self._own_meshes),
