@@ -112,7 +112,7 @@ def unlikely_materials(materials: Mapping[str, Material], units: UnitSystem | No
     for name in sorted(materials):
         # fault: numbers far from any material's pass without a word -> told: list[str] = [] |
         #   coupler/test_scenario_plausible
-        told = [_told(*odd, units) for odd in _odd(materials[name])]
+        told = [told_as(*odd, units) for odd in _odd(materials[name])]
         if told:
             what = "All numbers are SI" if units is None else f"Plain numbers are in {units.symbols} and s"
             notes.append(f"material {name}: {', '.join(told)}; no engineering material is near. {what}; "
@@ -181,7 +181,8 @@ def _values(material: Material, key: str) -> Iterator[list[float]]:
             yield [spec.polynomial[0] if isinstance(spec, Polynomial) else float(spec)]
 
 
-def _told(key: str, value: float, usual: Usual, units: UnitSystem | None) -> str:
+def told_as(key: str, value: float, usual: Usual, units: UnitSystem | None) -> str:
+    """Return a number that is not usual in words, with the unit in which it would be."""
     if units is not None:
         powers = unit_from(usual.unit).powers
         plain, size = value / float(units.factor(powers)), units.name(powers)
