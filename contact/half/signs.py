@@ -55,7 +55,8 @@ def wrong_signs(interface: Interface, k: Mapping[str, Floats], least: float) -> 
         table, cells = table_of(kind), np.ascontiguousarray(cells)
         G, dC = conduction_gradients(x, cells, table, interface.axisymmetric)
         tensor = np.array([k[name] for name in interface.parts])[part]
-        K = np.einsum("eq,eqia,eab,eqjb->eij", dC, G, tensor, G)
+        flux = (G * dC[..., None, None]).reshape(len(cells), -1, 2) @ tensor
+        K = _rows(flux.reshape(G.shape)) @ _rows(G).swapaxes(1, 2)
         diagonal += np.bincount(cells.ravel(), np.einsum("eii->ei", K).ravel(), n)
         widest = _widest_angle(x[cells])
         for i, j in combinations(range(cells.shape[1]), 2):
@@ -110,9 +111,14 @@ def conduction_gradients(x: Floats, cells: NDArray[np.integer], table: CellQuadr
             if axisymmetric:
                 way = (r if across else s) * J[own, :, 0, 1 - across]
                 depth[own] -= 2.0 * np.pi * way * (1.0 - 1.0 / out[:, :, 0])
-    G = np.einsum("eqnb,eqba->eqna", slopes, np.linalg.inv(J))
+    G = slopes @ np.linalg.inv(J)
     G[~right] = 0.0
     return G, np.where(right[:, None], table.w * np.linalg.det(J) * depth, 0.0)
+
+
+def _rows(G: Floats) -> Floats:
+    """Arrange vectors at the points of cells (ne, nq, nn, 2) as a row a node, (ne, nn, nq * 2)."""
+    return G.swapaxes(1, 2).reshape(len(G), G.shape[2], -1)
 
 
 def _widest_angle(corners: Floats) -> Floats:

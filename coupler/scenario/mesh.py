@@ -12,7 +12,6 @@ from typing import Annotated, Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 from pydantic import StrictBool, model_validator
-from skfem import MeshQuad
 
 from contact.problem.part import Entry, Part, exactly_one
 from contact.problem.values import Number, Positive, Text, Whole, did_you_mean, problem
@@ -360,6 +359,8 @@ def rectangle_mesh(rectangle: Rectangle) -> BodyMesh:
     """Mesh a rectangle with quads, or with triangles by cutting each quad in two."""
     axes = [_ticks(o, s, n, g) for o, s, n, g in zip(
         rectangle.origin, rectangle.size, rectangle.cells, rectangle.grading, strict=True)]
+    from skfem import MeshQuad  # a tenth of a second, which what meshes nothing need not wait for
+
     mesh = MeshQuad.init_tensor(*axes)
     nodes = np.ascontiguousarray(mesh.p.T)
     quads = anticlockwise(nodes, mesh.t.T, "quad")
