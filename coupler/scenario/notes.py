@@ -14,6 +14,7 @@ from contact.half.functions import property_from
 from contact.half.gap_area import gap_areas
 from contact.half.interface import Interface, Pair
 from contact.half.outlines import depths, outline_of
+from contact.half.pieces import piece_notes
 from contact.half.register import register_message, search_depth
 from contact.half.signs import wrong_signs
 from contact.half.start import mean_start
@@ -223,7 +224,7 @@ def contact_notes(interface: Interface, thermal: Model, mechanical: Model) -> li
     """
     return (overlap_notes(interface) + start_notes(interface, _stiffness(interface, thermal, mechanical))
             + role_notes(interface, thermal) + film_notes(interface, thermal) + node_notes(interface)
-            + tie_notes(interface))
+            + tie_notes(interface) + piece_notes(interface))
 
 
 def _stiffness(interface: Interface, thermal: Model, mechanical: Model) -> dict[str, float]:

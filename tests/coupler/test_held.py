@@ -43,12 +43,53 @@ def scene(*boundary: dict[str, Any], mu: float = 0.0, bodies: dict[str, Any] | N
     (scene(FOOT, {"at": "high.top.centre", "u_x": 0, "u_y": 0}, pair=False),
      "'high' against turning: no condition does, and it is in no contact pair"),
     (scene({"on": "low.bottom", "u_y": 0}, PUSH, mu=0.3), "bodies low and high together against moving along x"),
+    (scene({"at": "low.bottom.centre", "u_x": 0}, PUSH, mu=0.3), "together against moving along y and turning: "),
+    (scene(FOOT, pair=False), "'high' against moving along x, moving along y and turning: no condition does"),
     (scene(FOOT, {"body": "high", "u_x": 0}, bodies={"high": {"rigid": True}}, pair=False), "against moving along y"),
     (scene(FOOT, {"at": "high.top.centre", "u_x": 0}, third=True), "body 'lid' against moving along x"),
 ])
 def test_what_nothing_holds_is_told(refused: Scene, text: str, tmp_path: Path) -> None:
     with pytest.raises(ScenarioError, match=text):
         refused.checked(tmp_path)
+
+
+LOOSE = """$MeshFormat
+2.2 0 8
+$EndMeshFormat
+$PhysicalNames
+2
+1 1 "bottom"
+1 2 "top"
+$EndPhysicalNames
+$Nodes
+8
+1 0 0 0
+2 0.05 0 0
+3 0.05 0.05 0
+4 0 0.05 0
+5 0.05 0 0
+6 0.1 0 0
+7 0.1 0.05 0
+8 0.05 0.05 0
+$EndNodes
+$Elements
+4
+1 1 2 1 1 1 2
+2 1 2 2 1 3 4
+3 3 2 3 1 1 2 3 4
+4 3 2 3 1 5 6 7 8
+$EndElements
+"""
+
+
+def test_a_piece_that_the_mesh_does_not_join_is_told(tmp_path: Path) -> None:
+    """The right half of the lower block has nodes of its own along the seam; its foot is not named."""
+    (tmp_path / "low.msh").write_text(LOOSE)
+    split = scene(FOOT, {"on": "high.top", "u_x": 0, "u_y": 0}).edited(
+        bodies__low={"material": "al", "T0": 300, "mesh": {"file": {"path": "low.msh"}}})
+    with pytest.raises(ScenarioError, match=r"hold the piece of body 'low' around \(0\.075, 0\.025\) m against moving "
+                       "along x, moving along y and turning: .* Join the pieces in the mesh"):
+        split.checked(tmp_path)
 
 
 SLOPE = {"x": 9.81 * 0.5, "y": -9.81 * 0.75**0.5}  # as on a slope of 30 degrees
