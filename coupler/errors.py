@@ -16,6 +16,7 @@ import re
 from collections.abc import Sequence
 
 # Control characters but for tab and new line, marks that turn the direction of text, and halves of characters.
+LEVEL = re.compile(r"^\[\w+\] ")  # of a line of a log
 UNPRINTABLE = re.compile("[\x00-\x08\x0b-\x1f\x7f-\x9f\u200e\u200f\u2028-\u202e\u2066-\u2069\ud800-\udfff]")
 
 
@@ -92,7 +93,10 @@ class HalfError(SlidelineError):
 
     def __str__(self) -> str:
         head = f"half {self.half!r}: {self.message}" if self.half else self.message
-        return printable(f"{head}\n{indented(self.log)}" if self.log.strip() else head)
+        # What a half logs of its failure is often what it answers.
+        # fault: a failure of a half is told twice -> log = self.log | coupler/test_error_text
+        log = "\n".join(line for line in self.log.splitlines() if LEVEL.sub("", line) not in self.message)
+        return printable(f"{head}\n{indented(log)}" if log.strip() else head)
 
 
 class CouplingError(SlidelineError):

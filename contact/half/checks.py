@@ -294,7 +294,9 @@ def elastic_wrongs(problem: ElasticProblem, interface: Interface) -> Iterator[Wr
     yield from _bodies(interface, problem.bodies, problem.materials)
     yield from _pairs(interface, problem.pairs, "pairs")
     soft = [pair.name for pair in interface.pairs if not pair.eps_N > 0.0]
-    if all(part.material in problem.materials for part in problem.parts.values()):
+    stiff = {name for name, material in problem.materials.items() if material.E is not None}
+    # A material that lacks E is told of itself, below.
+    if all(part.material in stiff for part in problem.parts.values()):
         for name in soft:
             yield Wrong(("pairs", name), "no penalty can be found, because a body has no E",
                         "State E of both bodies' materials, or the penalty [Pa/m].")
@@ -322,7 +324,7 @@ def elastic_wrongs(problem: ElasticProblem, interface: Interface) -> Iterator[Wr
     used = (part.material for part in problem.parts.values())
     weighed = {"inertia": problem.inert, "gravity": problem.gravity is not None, "adiabatic": problem.adiabatic}
     why = ", ".join(name for name, is_so in weighed.items() if is_so)
-    needs = ({} if soft else {"E": ""}) | {"nu": ""} | ({"rho": why} if why else {})
+    needs = {"E": "", "nu": ""} | ({"rho": why} if why else {})
     yield from needed(problem.half, problem.materials, used, needs | ({"c": "adiabatic"} if problem.adiabatic else {}))
 
 

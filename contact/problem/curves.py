@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence, Sized
 from enum import StrEnum
 from itertools import pairwise
 from typing import Annotated, Any
@@ -27,6 +27,19 @@ class Beyond(StrEnum):
     SLOPE = "slope"
 
 
+def uneven(at: Sized, word: str, value: Sized) -> str:
+    """Say that a table has not one value for each of what it is over."""
+    return (f"{len(at)} {word}{'' if len(at) == 1 else 's'}, but {len(value)} value{'' if len(value) == 1 else 's'}: "
+            f"each {word} needs one, and at least one is needed")
+
+
+def increasing(at: Sequence[float], what: str, key: str) -> None:
+    """Raise PydanticCustomError at the first number that is not larger than the one before it."""
+    for i, (before, after) in enumerate(pairwise(at), start=1):
+        if after <= before:
+            raise problem(f"{what} must increase", "Put them in order, each once, with their values.", at=(key, i))
+
+
 class SignalTable(Part):
     """A table over time: linear in between, constant outside.  Two values at one time make a jump."""
 
@@ -37,7 +50,7 @@ class SignalTable(Part):
     def _is_a_signal(self) -> SignalTable:
         t = self.t
         if not t or len(t) != len(self.value):
-            raise problem("a signal needs as many values as times, and at least one")
+            raise problem(uneven(t, "time", self.value))
         for i in range(1, len(t)):
             if t[i] < t[i - 1]:
                 raise problem(f"time goes backwards, from {t[i - 1]:g} to {t[i]:g}",
@@ -63,9 +76,8 @@ class PropertyTable(Part):
     @model_validator(mode="after")
     def _is_a_table(self) -> PropertyTable:
         if not self.T or len(self.T) != len(self.value):
-            raise problem("a table needs as many values as temperatures, and at least one")
-        if any(b <= a for a, b in pairwise(self.T)):
-            raise problem("the temperatures of a table must increase")
+            raise problem(uneven(self.T, "temperature", self.value))
+        increasing(self.T, "the temperatures of a table", "T")
         return self
 
     def numbers(self) -> Iterator[BoundedNumber]:
@@ -96,7 +108,7 @@ class ProfileTable(Part):
     @model_validator(mode="after")
     def _is_a_profile(self) -> ProfileTable:
         if not self.at or len(self.at) != len(self.value):
-            raise problem("a profile needs as many values as places, and at least one")
+            raise problem(uneven(self.at, "place", self.value))
         for i, (before, after) in enumerate(pairwise(self.at), start=1):
             if after <= before:
                 raise problem(f"the places of a profile must increase, {after:g} m follows {before:g} m", at=("at", i))

@@ -7,7 +7,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import BeforeValidator, Discriminator, Tag, model_validator
 
-from contact.problem.curves import Beyond, Form, PropertySpec, PropertyTable
+from contact.problem.curves import Beyond, Form, PropertySpec, PropertyTable, increasing
 from contact.problem.part import Entry, Part, law_known, law_tag
 from contact.problem.values import Flag, NotNegative, Number, Positive, problem
 
@@ -58,8 +58,7 @@ class TableHardening(Part):
         strain = self.strain
         if len(strain) < 2 or strain[0] != 0.0 or any(b <= a for a, b in pairwise(strain)):
             raise problem("must begin at 0, increase, and have at least two values", at=("strain",))
-        if self.T is not None and any(b <= a for a, b in pairwise(self.T)):
-            raise problem("temperatures must increase", at=("T",))
+        increasing(self.T or (), "temperatures", "T")
         rows = self.rows
         if self.T is not None and len(rows) != len(self.T):
             raise problem(f"one list for each of the {len(self.T)} temperatures is needed", at=("stress",))

@@ -9,14 +9,13 @@ from __future__ import annotations
 
 from enum import StrEnum
 from functools import cached_property
-from itertools import pairwise
 from typing import TYPE_CHECKING, Annotated, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 from pydantic import BeforeValidator, Discriminator, Tag, model_validator
 
-from contact.problem.curves import Form
+from contact.problem.curves import Form, increasing
 from contact.problem.part import Entry, Part, law_known, law_tag
 from contact.problem.values import Number, problem
 
@@ -119,9 +118,9 @@ class Table(Part):
     @model_validator(mode="after")
     def _in_order(self) -> Table:
         if len(self.x) != len(self.h) or len(self.x) < 2:
-            raise problem("x and h must be equally long lists of 2 or more numbers")
-        if any(b <= a for a, b in pairwise(self.x)):
-            raise problem("x must increase", at=("x",))
+            raise problem("x and h must be equally long lists of 2 or more numbers, "
+                          f"here are {len(self.x)} and {len(self.h)}")
+        increasing(self.x, "x", "x")
         if self.variable is TableVariable.X and self.x[0] < 0.0:
             raise problem("must not be negative: a pressure if closed, a gap if open", at=("x", 0))
         return self

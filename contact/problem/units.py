@@ -147,6 +147,10 @@ def unit_from(text: str) -> Unit:
 
 
 def _unknown(text: str) -> UnitError:
+    # fault: 60,5 is told to have the unit ,5 -> if False: | coupler/test_scenario_errors
+    if re.match(r"[.,]\d", text):
+        return UnitError("a number has one decimal point, no comma, and nothing between its thousands",
+                         "Write 60.5 for 60,5 and 2.1e11 for 210.000.000.000.")
     near = difflib.get_close_matches(text, [*SYMBOLS, *CALLED], n=3, cutoff=0.6)
     return UnitError(f"the unit {text!r} is not known",
                      (f"Did you mean {' or '.join(near)}? " if near else "") +

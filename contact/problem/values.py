@@ -43,11 +43,13 @@ def did_you_mean(word: str, known: Iterable[str]) -> str:
     more = ""
     if len(names) > MANY:
         more = f" and {len(names) - MANY} more"
-        names = difflib.get_close_matches(word, names, n=MANY, cutoff=0.0)
+        names = sorted(difflib.get_close_matches(word, names, n=MANY, cutoff=0.0))
     return f"{guess}Known here: {', '.join(names) or 'none'}{more}."
 
 
 # Single values
+
+LARGEST = 1e75  # of a number of a file: nothing beyond is meant, and its fourth power (radiation) is no longer finite
 
 
 def looks_like_number(text: str) -> bool:
@@ -71,6 +73,9 @@ def number(value: Any) -> float:
         raise problem("the number is too large") from None
     if not math.isfinite(as_float):
         raise problem("the number is not finite", "Give a finite number; leave optional keys out.")
+    # fault: numbers whose powers overflow are taken -> if False: | coupler/test_scenario_errors
+    if abs(as_float) > LARGEST:
+        raise problem("the number is too large", f"Numbers are at most {LARGEST:g} in size; leave optional keys out.")
     return as_float
 
 

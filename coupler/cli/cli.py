@@ -70,7 +70,7 @@ VERBS = {
     "list": Verb("coupler.cli.tools:list_command", about=
         "List the installed scenarios and halves, with a sentence each."),
     "cache": Verb("coupler.cli.tools:cache_command", about=
-        "Print the size of the cache of built halves, or clear it; it keeps itself below 2 GB."),
+        "Print the size of the cache of built halves, or clear it; beyond 2 GB it drops those not used for a day."),
     "schema": Verb("coupler.cli.scene:schema_command", about=
         "Write the JSON Schema of a scenario, for editors that complete and check keys."),
     "migrate": Verb("coupler.cli.scene:migrate_command", about=

@@ -14,6 +14,7 @@ from rich.live import Live
 from rich.spinner import Spinner
 from rich.text import Text
 
+from coupler.cli.codes import exit_code
 from coupler.record.conditions import condition_lines
 from coupler.record.paths import can_resume
 from coupler.record.results import Results, iteration_words
@@ -162,7 +163,8 @@ def bar(fraction: float) -> str:
 def facts(results: Results) -> dict[str, Any]:
     """What a script reads of a run: plain values in SI."""
     w = results.windows
-    return {"outcome": results.outcome, "message": results.message, "file": str(results.path),
+    return {"outcome": results.outcome, "exit_code": exit_code(results), "message": results.message,
+            "file": str(results.path),
             "field_files": {half: str(path) for half, path in results.field_files.items()},
             "t": float(results.t[-1]) if len(results.t) else 0.0, "end": float(results.header["coupling"]["end"]),
             "windows": int(w.taken.sum()), "rejected": int((~w.taken).sum()),

@@ -14,12 +14,14 @@ KINDS = {ScenarioError: "input", HalfError: "half", CouplingError: "window", Res
 def failure(error: SlidelineError | LinkError, code: int) -> dict[str, Any]:
     """Return the facts of an error.
 
-    code : exit code of the process.  An error has a kind, a message, a remedy and `where`: the file, line and key of an
-    input, the half, or the time and number of a window.
+    code : exit code of the process.  An error has a kind, a message, a remedy and `where`: the file, line, key and
+    value of an input, the half, or the time and number of a window.  What `check --json` prints begins with the same.
     """
     errors = (error, *error.others) if isinstance(error, ScenarioError) else (error,)
     return {"outcome": "failed", "exit_code": code, "errors": [_facts(one) for one in errors],
-            "notes": list(getattr(error, "__notes__", ()))}
+            # fault: notes of a run that failed have another form than those of one that did not -> "notes": [*getattr(
+            #   error, "__notes__", ())]} | coupler/test_cli
+            "notes": [note.removeprefix("note: ") for note in getattr(error, "__notes__", ())]}
 
 
 def _facts(error: SlidelineError | LinkError) -> dict[str, Any]:
@@ -31,7 +33,8 @@ def _facts(error: SlidelineError | LinkError) -> dict[str, Any]:
 def _where(error: SlidelineError | LinkError) -> dict[str, Any]:
     match error:
         case ScenarioError():
-            return {"file": error.file, "line": error.line, "key": error.key}
+            value = None if error.value is None else str(error.value)
+            return {"file": error.file, "line": error.line, "key": error.key, "value": value}
         case HalfError():
             return {"half": error.half}
         case CouplingError():

@@ -9,7 +9,7 @@ from typing import Annotated, Any
 
 import typer
 
-from coupler.cli.codes import INTERRUPTED, UNTRUSTED
+from coupler.cli.codes import exit_code
 from coupler.errors import ScenarioError
 from coupler.init.templates import shipped_scenarios
 from coupler.record.results import Results
@@ -110,8 +110,5 @@ def own_scenario_of(path: Path, sets: Sequence[str] | None, swaps: Sequence[str]
 
 def leave(results: Results) -> None:
     """End with the exit code of a run that was not finished, or is not to be trusted."""
-    if results.outcome == "interrupted":
-        raise typer.Exit(INTERRUPTED)
-    # fault: a run that does not trust itself ends with 0 -> if False: | coupler/test_trust
-    if results.broken:
-        raise typer.Exit(UNTRUSTED)
+    if code := exit_code(results):
+        raise typer.Exit(code)

@@ -12,6 +12,7 @@ from typing import Annotated, Any
 
 import typer
 
+from coupler.cli.codes import DIFFER
 from coupler.cli.console import ProgressLine, facts, summary
 from coupler.cli.options import (
     ChangeOption,
@@ -107,7 +108,7 @@ def run_command(scenario: ScenarioFile, out: OutOption = Path("run.h5"), sets: S
                           verify=how, on_verify=partial(line.say, asked=how is Verify.ANEW))
         written.done(results.outcome)
     if judged and results.outcome == "completed":
-        with TrialLine() as trials:
+        with TrialLine(quiet=quiet) as trials:
             # fault: the companions of a run are built twice -> found = errors_of_probes(s, results,
             #   mesh=confidence_mesh, on_trial=trials) | coupler/test_confidence
             found = errors_of_probes(s, results, mesh=confidence_mesh, companions=companions, on_trial=trials)
@@ -135,7 +136,8 @@ def run_command(scenario: ScenarioFile, out: OutOption = Path("run.h5"), sets: S
             compare(reference, results, None, within)
         else:
             against_own = compared(reference, results, None, within)
-            _print_json(told | {"comparison": against_own.facts})
+            code = told["exit_code"] if against_own.same else DIFFER
+            _print_json(told | {"exit_code": code, "comparison": against_own.facts})
             against_own.leave()
     elif as_json:
         _print_json(told)

@@ -13,6 +13,7 @@ from typing import Annotated, Any
 import typer
 
 from coupler.cli.codes import BAD_INPUT
+from coupler.cli.failure import failure
 from coupler.cli.options import JsonOption, ScenarioFile, SetOption, SwapOption, scenario_of
 from coupler.control.plan import Plan
 from coupler.errors import ScenarioError
@@ -45,17 +46,20 @@ def check_command(scenario: ScenarioFile, sets: SetOption = None, swaps: SwapOpt
     except ScenarioError as exc:
         if not as_json:
             raise
-        notes = [note.removeprefix("note: ") for note in getattr(exc, "__notes__", ())]
-        errors = [{"line": e.line, "key": e.key, "message": e.message, "remedy": e.remedy} for e in (exc, *exc.others)]
-        typer.echo(json.dumps({"file": str(scenario), "valid": False, "errors": errors, "notes": notes},
-                              indent=1))
+        told = failure(exc, BAD_INPUT)
+        # Version 0.1 had these two beside the message.
+        for error in told["errors"]:
+            error |= {name: error["where"][name] for name in ("line", "key")}
+        # fault: a check that fails has a form of its own -> told = {"errors": told["errors"]} | coupler/test_cli
+        typer.echo(json.dumps({"file": str(scenario), "valid": False, **told}, indent=1))
         raise typer.Exit(BAD_INPUT) from None
     if rules is not None:
         for line in rules_report(s, Results(rules)):
             typer.echo(line)
         return
     if as_json:
-        facts = {"file": str(scenario), "valid": True, "errors": [], **_facts(s, pilot=pilot)}
+        facts = {"file": str(scenario), "valid": True, "outcome": "completed", "exit_code": 0, "errors": [],
+                 **_facts(s, pilot=pilot)}
         typer.echo(json.dumps(facts, indent=1, allow_nan=False))
         return
     plan = plan_of(s)

@@ -73,7 +73,7 @@ def cache_command(clear: Annotated[bool, typer.Option("--clear", help="Remove al
                       "--cap", metavar="GB", min=0.0,
                       help="Remove the least recently used files, down to this size.")] = None,
                   as_json: JsonOption = False) -> None:
-    """Print the size of the cache of built halves, or clear it; it keeps itself below 2 GB."""
+    """Print the size of the cache of built halves, or clear it; beyond 2 GB it drops those not used for a day."""
     folder = cache_directory()
     removed = clear_cache(folder) if clear else drop_to(folder, cap * 1e9) if cap is not None else 0
     places = cached_halves(folder)

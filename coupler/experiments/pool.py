@@ -79,18 +79,22 @@ class TrialLine:
     Called with the name of each trial before it runs; returns what is called with the fraction that is done.
     """
 
-    def __init__(self, console: Console | None = None) -> None:
+    def __init__(self, console: Console | None = None, *, quiet: bool = False) -> None:
+        self._quiet = quiet
         self._console = console or Console(file=sys.stderr, highlight=False)
         self._live = Live(console=self._console, refresh_per_second=8, transient=True)
         self._began = time.monotonic()
         self._number = 0
 
     def __enter__(self) -> TrialLine:
-        if self._console.is_terminal:
+        if self._console.is_terminal and not self._quiet:
             self._live.start()
         return self
 
     def __call__(self, name: str) -> Callable[[float], object]:
+        # fault: --quiet: companions of a run tell their progress -> if False: | coupler/test_confidence
+        if self._quiet:
+            return lambda fraction: None
         self._number += 1
         head = f"trial {self._number}, {time.monotonic() - self._began:.0f} s: {name}"
         if not self._console.is_terminal:

@@ -62,15 +62,20 @@ def test_check_tells_a_script_the_same(here):
     facts = json.loads(done.stdout)
     s = load_scenario(BLOCKS)
     assert (facts["valid"], facts["errors"], facts["nodes"], facts["hash"]) == (True, [], 1250, s.hash)
+    assert (facts["outcome"], facts["exit_code"]) == ("completed", 0)
     assert facts["pairs"] == [{"name": "interface", "slave": "upper.bottom", "master": "lower.top"}]
     assert facts["probes"] == {name: probe.unit for name, probe in s.probes.items()}
     assert facts["windows"]["adaptive"] is (s.coupling.adaptive is not None)
     wrong = here("check", BLOCKS, "--json", "--set", "coupling.end=3 mm", "--set", "geometry=plain")
     assert wrong.returncode == 2, wrong.stderr
     facts = json.loads(wrong.stdout)
-    assert facts["valid"] is False
-    assert {e["key"] for e in facts["errors"]} == {"coupling.end", "geometry"}
+    assert (facts["valid"], facts["outcome"], facts["exit_code"]) == (False, "failed", 2)
+    assert {e["key"]: e["where"]["value"] for e in facts["errors"]} == {"coupling.end": "3 mm", "geometry": "plain"}
     assert all(e["message"] and e["remedy"] for e in facts["errors"])
+    # The same errors in the same form as those of a run, with the line and the key also where version 0.1 had them.
+    run = json.loads(here("run", BLOCKS, "--json", "--set", "coupling.end=3 mm", "--set", "geometry=plain").stdout)
+    assert [e | {"line": e["where"]["line"], "key": e["where"]["key"]} for e in run["errors"]] == facts["errors"]
+    assert {key: facts[key] for key in run if key != "errors"} == {key: run[key] for key in run if key != "errors"}
 
 
 def test_a_name_that_list_tells_is_a_scenario(here):
@@ -134,6 +139,7 @@ def test_a_script_reads_why_a_command_failed(tmp_path, monkeypatch, capsys):
         assert "error: " in told.err
         facts = json.loads(told.out)
         assert (facts["outcome"], facts["exit_code"]) == ("failed", ended.value.code)
+        assert not any(note.startswith("note") for note in facts["notes"])
         return ended.value.code, facts["errors"]
 
     code, errors = failed("run", BARS, "--set", "coupling.shceme=staggered", "--set", "geometry=plain")
@@ -147,7 +153,9 @@ def test_a_script_reads_why_a_command_failed(tmp_path, monkeypatch, capsys):
 
 
 def _no_equilibrium(*_arguments, **_options):
-    raise CouplingError("no equilibrium", t=2.5, window=3, iteration=4, remedy="Use smaller windows")
+    error = CouplingError("no equilibrium", t=2.5, window=3, iteration=4, remedy="Use smaller windows")
+    error.add_note("note: bodies overlap")
+    raise error
 
 
 @pytest.mark.slow

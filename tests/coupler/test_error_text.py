@@ -70,3 +70,12 @@ def test_every_error_of_the_input_has_a_remedy() -> None:
     bare = {f"{path.name}:{line}" for folder in INPUT for path in sorted((ROOT / "coupler" / folder).glob("*.py"))
             for line in without_remedy(path.read_text(encoding="utf-8"))}
     assert not bare
+
+
+@pytest.mark.parametrize(("log", "told"), [
+    ("[error] no equilibrium", "half 'h': no equilibrium (t = 0 s)"),
+    ("[info] 3 tries\n[error] no equilibrium", "half 'h': no equilibrium (t = 0 s)\n    [info] 3 tries"),
+    ("no equilibrium of another", "half 'h': no equilibrium (t = 0 s)\n    no equilibrium of another"),
+])
+def test_what_a_half_logs_and_answers_is_told_once(log, told):
+    assert str(HalfError("no equilibrium (t = 0 s)", half="h", log=log)) == told

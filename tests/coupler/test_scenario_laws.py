@@ -32,7 +32,7 @@ def test_kelvin_tables_are_left_alone(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize(("law", "key", "words"), [
     (table("[-300, 100]"), "contact.face.conduction.closed.x.0", "absolute zero"),
-    (table("[100, 20]"), "contact.face.conduction.closed.x", "increase"),
+    (table("[100, 20]"), "contact.face.conduction.closed.x.1", "increase"),
     (table("[20, hot]"), "contact.face.conduction.closed.x.1", "number"),
     ("{law: sum, of: [3]}", "contact.face.conduction.closed.of.0", "law"),
     ("{law: sum, of: 3}", "contact.face.conduction.closed.of", "list"),

@@ -163,7 +163,7 @@ WRONG = {
     "places that decrease": ("x: {at: [0, 1], value: [0, 2]}", "x: {at: [1, 0], value: [0, 2]}",
                              f"{Q}.terms.0.x.at.1", "must increase"),
     "fewer places than values": ("x: {at: [0, 1], value: [0, 2]}", "x: {at: [0], value: [0, 2]}",
-                                 f"{Q}.terms.0.x", "as many values"),
+                                 f"{Q}.terms.0.x", "1 place, but 2 values"),
     "a profile without coefficients": ("t: 10, x: {polynomial: [0, 1]}", "t: 10, x: {polynomial: []}",
                                        "thermal.boundary.0.temperature.terms.1.x.polynomial", "coefficient"),
     "an unknown key of a profile": ("x: {at: [0, 1], value: [0, 2]}", "x: {at: [0], values: [0]}",
