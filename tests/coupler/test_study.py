@@ -16,7 +16,7 @@ from coupler.errors import ResultsError, ScenarioError
 from coupler.experiments import pool, trial
 from coupler.experiments.grid import grid_of, parse_axis, settings_of
 from coupler.experiments.pool import run_there
-from coupler.experiments.study import StabilityLimit
+from coupler.experiments.study import StabilityLimit, describe_reference, study_plan_of
 from coupler.experiments.study_files import draw
 from coupler.experiments.trial import Job, TrialStore
 from coupler.experiments.work_precision import (
@@ -28,6 +28,7 @@ from coupler.experiments.work_precision import (
     richardson,
     scale_of,
 )
+from coupler.scenario.document import read_document
 from coupler.scenario.options import Scheme
 
 sys.path.insert(0, str(Path(__file__).parent))
@@ -99,6 +100,25 @@ def test_a_reference_of_three_runs_knows_its_order_and_its_error(order):
     estimate = np.abs(r.other["T"](t) - r.curves["T"](t)).max()
     assert estimate == pytest.approx(0.1 * H**order, rel=0.01)
     assert np.abs(r.curves["T"](t) - np.exp(-t)).max() < 0.02 * estimate
+
+
+@pytest.mark.parametrize(("windows", "grid", "at"), [
+    ("windows: [{until: 8, size: 2}]", {"windows": [2, 0.5]}, {"windows": [0.125, 0.25, 0.5]}),
+    # The error of a window goes with the third power of its size.
+    ("adaptive: {}", {"tolerance": [4, 0.5]}, {"tolerance": [0.5 / 4**3, 0.5 / 2**3, 0.5]}),
+    ("adaptive: {}", {"scheme": ["auto", "iterated"]}, {"tolerance": [1 / 4**3, 1 / 2**3, 1.0]}),
+])
+def test_a_reference_is_finer_by_what_the_windows_have(windows, grid, at, tmp_path):
+    bars = (Path(__file__).parents[2] / "scenarios" / "heated_bars.yaml").read_text(encoding="utf-8")
+    head, _, tail = bars.partition("\ncoupling:")
+    probes = tail[tail.index("\nprobes:"):]
+    file = tmp_path / "s.yaml"
+    file.write_text(f"{head}\ncoupling:\n  end: 8\n  {windows}\n{probes}", encoding="utf-8")
+    plan = study_plan_of(read_document(file), {}, {"grid": grid}, "")
+    (axis, values), = at.items()
+    assert [run.setting.at[axis] for run in plan.references] == pytest.approx(values, rel=1e-12)
+    assert [run.setting.at["reference"] for run in plan.references] == [1, 2, 4]
+    assert describe_reference(plan.spec.reference, plan.references).startswith("iterated with ")
 
 
 def test_a_reference_of_no_whole_order_is_not_extrapolated():

@@ -164,8 +164,8 @@ def test_a_study_does_not_change_what_a_scenario_is(tmp_path):
     ({"grid": {"scheme": ["iterated"], "thermal.method": ["midpoint", "middle"]}}, "iterated, thermal.method middle"),
     ({"grid": {"windows": []}}, "an axis is a list of values"),
     ({"grid": {"windows": [1]}, "span": [30, 40]}, "begins after the run ends"),
-    ({"grid": {"coupling.adaptive": [{"first": 1}]}, "reference": {"set": {"coupling.adaptive": {"first": 1}}}},
-     "the reference"),
+    ({"grid": {"windows": [1]}, "reference": {"set": {"meshes": 2}}}, "the reference: not an axis .*'mesh'"),
+    ({"grid": {"windows": [1]}, "reference": {"set": {"thermal.method": "middle"}}}, "the reference: not known here"),
     ({"grid": {"windows": [1]}, "reference": {"error": 0.1}}, "is measured"),
     ({"grid": {"windows": [1]}, "measure": ["T", "gab"]}, "no such probe .*Did you mean 'gap'"),
 ])
