@@ -22,7 +22,7 @@ from contact.problem.errors import Wrong
 from contact.problem.material import Axes, Material
 from contact.problem.regions import regions_in
 from contact.problem.start import AtNodes, Course
-from contact.problem.values import At, did_you_mean
+from contact.problem.values import At, did_you_mean, no_such_surface
 
 Floats = NDArray[np.float64]
 
@@ -34,11 +34,12 @@ if TYPE_CHECKING:
 # Both halves
 
 
-def known(name: str, among: Iterable[str], key: At, what: str) -> Iterator[Wrong]:
-    """A name that is none of those there are.  what : of what it is the name."""
+def known(name: str, among: Iterable[str], key: At, what: str, bodies: Iterable[str] | None = None) -> Iterator[Wrong]:
+    """A name that is none of those there are.  what : of what it is the name.  bodies : of the scene, for a surface."""
     names = list(among)
     if name not in names:
-        yield Wrong(key, f"there is no {what} {name!r}", did_you_mean(name, names))
+        yield Wrong(key, f"there is no {what} {name!r}",
+                    did_you_mean(name, names) if bodies is None else no_such_surface(name, names, bodies))
 
 
 def _bodies(interface: Interface, bodies: Mapping[str, Any], materials: Mapping[str, Material]) -> Iterator[Wrong]:
@@ -71,7 +72,7 @@ def places(interface: Interface, boundary: Sequence[Supported]) -> Iterator[Wron
     seen: dict[str, int] = {}
     for i, b in enumerate(boundary):
         if b.on is not None:
-            yield from known(b.on, interface.surfaces, ("boundary", i, "on"), "surface")
+            yield from known(b.on, interface.surfaces, ("boundary", i, "on"), "surface", interface.bodies)
         if b.at is not None:
             yield from known(b.at, interface.node_sets, ("boundary", i, "at"), "point")
         if b.name is not None and seen.setdefault(b.name, i) != i:

@@ -35,6 +35,7 @@ MAX_PENALTY_RATIO = 1e4
 # An overlap of less than this share of the thinner body's thickness is no news: what a penalty lets in at rest and what
 # coordinates are rounded to is less; of steel it would make some 20 MPa.
 DRAWN_INSIDE = 1e-4
+DEEP = 0.1  # of that thickness: no press fit that is meant is as deep
 
 
 def facing_at(interface: Interface, x: Floats) -> Facing:
@@ -53,8 +54,9 @@ def start_notes(interface: Interface, stiffness: Mapping[str, float]) -> list[st
     pressing = seen_by_forces(interface)
     notes = []
     for pair, points in zip(interface.pairs, met, strict=True):
-        notes += [] if points else [nothing_faced(interface, pair, interface.nodes)]
-        notes += drawn_inside(interface, pair, pressing)
+        # Just as deep as contact looks, rounding decides whether heat faces what forces press.
+        inside = drawn_inside(interface, pair, pressing)
+        notes += inside if points or inside else [nothing_faced(interface, pair, interface.nodes)]
         notes += folding(interface, pair) + stiff_penalty(interface, pair, stiffness)
     return notes
 
@@ -100,7 +102,9 @@ def drawn_inside(interface: Interface, pair: Pair, cut: Cut) -> list[str]:
                 "smooth: true in the pair, state its fit (`clearance`), or use shorter edges"]
     return [f"pair {pair.name}: {pair.slave} and {pair.master} are drawn {depth:.3g} m {where}: that is a press fit of "
             f"this interference, {100.0 * depth / thick:.2g} % of what the thinner body is thick, and presses from the "
-            "first step on; `clearance: 0` lets them begin in touch"]
+            "first step on; `clearance: 0` lets them begin in touch"
+            # fault: bodies drawn one over the other pass for a press fit -> + ""] | contact/test_notes
+            + ("; is a body in the wrong place?" if depth > DEEP * thick else "")]
 
 
 def seen_by_forces(interface: Interface) -> Cut:

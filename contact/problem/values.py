@@ -47,6 +47,16 @@ def did_you_mean(word: str, known: Iterable[str]) -> str:
     return f"{guess}Known here: {', '.join(names) or 'none'}{more}."
 
 
+def no_such_surface(name: str, known: Iterable[str], bodies: Iterable[str]) -> str:
+    """Say what to write instead of a surface that is not known."""
+    names, body = list(known), name.partition(".")[0]
+    # fault: a mesh file that names no surface is not told -> if True: | coupler/test_scenario_mesh
+    if body not in bodies or any(other.partition(".")[0] == body for other in names):
+        return did_you_mean(name, names)
+    return (f"{body} has none: a mesh file names them as groups of lines (gmsh: Physical Curve). "
+            f"Known here: {', '.join(sorted(names)) or 'none'}.")
+
+
 # Single values
 
 LARGEST = 1e75  # of a number of a file: nothing beyond is meant, and its fourth power (radiation) is no longer finite

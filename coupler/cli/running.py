@@ -192,6 +192,10 @@ def resume_command(results: Annotated[Path, typer.Argument(help="The results fil
     if not quiet:
         typer.echo(f"{scenario.title}: resuming at t = {continued.start:.9g} s of {scenario.coupling.end:g} s",
                    err=True)
+    # fault: a scenario that was changed since is resumed as it was, in silence -> if False: | coupler/test_resume
+    if scenario.file.is_file() and scenario.file.read_bytes().splitlines() != scenario.text.encode().splitlines():
+        typer.echo(f"note: {scenario.file} was changed since; the run goes on as it began. To run what the file says "
+                   f"now: slideline run {scenario.file}", err=True)
     with ProgressLine(scenario.temperature_unit, quiet=quiet) as line, RunLog(log, results) as written:
         done = resume(continued, until=until, on_window=_each(line, written), changes=changes)
         written.done(done.outcome)

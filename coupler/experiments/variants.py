@@ -147,8 +147,8 @@ def mechanics(tree: Tree) -> Iterator[Simplification]:
         yield Simplification("deformation along x only", Aspect.MECHANICS, Edit({("mechanical", "half"): "rod"}),
                              misses="bending and shear")
     if half != "rigid" and (still := _still(tree)):
-        yield Simplification("heat moves no body (one-way)", Aspect.EFFECT, Edit(still), needs_deformation=True,
-                             misses=ONE_WAY_MISSES)
+        yield Simplification("all expansion and shrinkage (one-way)", Aspect.EFFECT, Edit(still),
+                             needs_deformation=True, misses=ONE_WAY_MISSES)
 
 
 def _rigid(tree: Tree, motion: dict[str, Any] | None) -> Edit:

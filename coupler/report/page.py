@@ -15,6 +15,7 @@ import numpy as np
 from jinja2 import Environment, FunctionLoader, StrictUndefined, Template
 
 from coupler.errors import ResultsError
+from coupler.record.paths import can_resume
 from coupler.record.results import Results, depth_of, iteration_words
 from coupler.report.conditions import condition_pictures, condition_tables
 from coupler.report.contact import contact_pictures
@@ -81,7 +82,9 @@ def banner(results: Results) -> tuple[str, str] | None:
     headline = BANNERS.get(results.outcome, f"This run did not complete ({results.outcome}).")
     at = "It is at" if results.outcome == "running" else "It reached"
     return headline, (f"{at} t = {number(reached, 6)} s of {number(end, 6)} s."
-                      + (f"\n{results.message.rstrip('.')}." if results.message else ""))
+                      + (f"\n{results.message.rstrip('.')}." if results.message else "")
+                      # fault: a page does not tell how a killed run goes on -> + "") | coupler/test_report
+                      + (f"\nTo go on: slideline resume {results.path.name}" if can_resume(results.path) else ""))
 
 
 def about(results: Results) -> str:

@@ -11,7 +11,7 @@ from typing import Any
 
 from coupler.errors import ResultsError
 from coupler.record.journal import being_written, read_journal
-from coupler.record.paths import checkpoint_of, journal_of, stopped_of
+from coupler.record.paths import can_resume, checkpoint_of, journal_of, stopped_of
 from coupler.record.results import Results
 
 LOOKS = 20  # at files that a run moves when it ends
@@ -26,7 +26,8 @@ class RunProgress:
     the run [s].  windows, rejected : how many were accepted so far, and how many not.  seconds : wall time
     of windows, of parts by name besides.
     last : of the last window: its size H [s], scheme, verdict and message.  quiet : since anything was written [s].
-    checkpoint : since the last one was [s]; None: there is none.  message : how it ended.
+    checkpoint : since the last one was [s]; None: there is none.  message : how it ended.  resume : the command that
+    goes on with it; empty where it goes on itself, is complete, or left no checkpoint.
     """
 
     title: str
@@ -41,6 +42,7 @@ class RunProgress:
     quiet: float = 0.0
     checkpoint: float | None = None
     message: str = ""
+    resume: str = ""
 
     def as_dict(self) -> dict[str, Any]:
         """Return it as plain values."""
@@ -58,8 +60,10 @@ class RunProgress:
                         + (f" ({self.last['message']})" if self.last["message"] else ""))
         if self.state == "running":
             told.append(f"  written to {self.quiet:.1f} s ago")
-        if self.checkpoint is not None:
+        if self.checkpoint is not None and self.state == "running":
             told.append(f"  its checkpoint is {self.checkpoint:.0f} s old")
+        if self.resume:
+            told.append(f"  to resume: {self.resume}")
         return told + [f"  {line}" for line in self.message.splitlines()]
 
 
@@ -107,12 +111,17 @@ def _of_journal(out: Path, journal: Path) -> RunProgress:
         {n: sum(float(row[f"{n}_seconds"]) for row in rows) for n in PARTS} if rows else {},
         {n: last[n] for n in ("H", "scheme", "verdict", "message")} if last else {},
         max(0.0, now - journal.stat().st_mtime), max(0.0, now - kept.stat().st_mtime) if kept.exists() else None,
-        message)
+        message,
+        # fault: how a killed run goes on is not told -> "") | coupler/test_status
+        f"slideline resume {out}" if not running and can_resume(out) else "")
 
 
 def _finished(results: Results) -> RunProgress:
-    w = results.windows
+    w, parts = results.windows, results.seconds_by_part
+    # What the run itself says: windows, what is recorded of them and what the coupler finds out between them.
+    # fault: seconds between windows are forgotten -> seconds = float(w.seconds.sum()) | coupler/test_status
+    seconds = sum(parts.values()) - parts["set-up"] - results.overlap_seconds
     return RunProgress(str(results.header["title"]), results.outcome, float(results.t[-1]),
                        float(results.header["coupling"]["end"]), int(w.taken.sum()), int((~w.taken).sum()),
-                       float(w.seconds.sum()),
+                       seconds,
                        {n: float(w[f"{n}_seconds"].sum()) for n in PARTS}, message=results.message)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from importlib.metadata import entry_points
 from pathlib import Path
 
@@ -47,11 +48,19 @@ def check_kind(document: Document, role: str, kind: str, at: Key = ()) -> None:
     if fmu is not None:
         if not fmu.is_file():
             raise document.error(at or (role, "half"), f"there is no FMU {fmu}",
-                                 "Paths are relative to the scenario file.")
+                                 "Paths are relative to the scenario file." + _from_here(kind, document.path.parent))
         return
     if not stands_in(role, kind):
         raise document.error(at or (role, "half"), f"there is no {role} half of kind {kind!r}",
                              did_you_mean(kind, known_kinds(role)))
+
+
+def _from_here(kind: str, folder: Path) -> str:
+    """A hint where the file is there as seen from the current folder."""
+    # fault: an FMU in the current folder is told to be nowhere -> if True: | coupler/test_fmu_by_path
+    if not Path(kind).is_file():
+        return ""
+    return f" That of the current folder: {os.path.relpath(kind, folder)}"
 
 
 def understood_by(kind: str, folder: Path) -> frozenset[str] | None:

@@ -235,6 +235,8 @@ def _read(path: Path) -> Any:
         raise MeshError(
             f"there is no file {path}", "Paths are relative to the scenario file.", at=("file", "path")
         )
+    if not path.stat().st_size:
+        raise MeshError(f"{path.name} is empty", "Write the mesh anew.", at=("file", "path"))
     if path.stat().st_size > MAX_BYTES:
         raise MeshError(f"{path.name} is larger than {MAX_BYTES} bytes", at=("file", "path"))
     # Here and not above: a scene of rectangles need not wait for it.

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from contact.half.interface import Interface, Pair
 from contact.half.start import START_T
 from contact.problem.pairs import ContactForm, ContactPair
-from contact.problem.values import did_you_mean
+from contact.problem.values import no_such_surface
 from coupler.scenario.bodies import FromRun, MeshedBody
 from coupler.scenario.document import Document, DocumentErrors, Key
 from coupler.scenario.earlier_bodies import EarlierRuns
@@ -113,7 +113,8 @@ def _nodal(file: ScenarioFile, starts: Mapping[str, TakenStart], meshes: Mapping
 def surface_key(document: Document, known: Mapping[str, Any], name: str, key: Key) -> str:
     """The name if such a surface exists.  Raises ScenarioError saying which do."""
     if name not in known:
-        raise document.error(key, f"there is no surface {name!r}", did_you_mean(name, known))
+        raise document.error(key, f"there is no surface {name!r}",
+                             no_such_surface(name, known, document.value(("bodies",)) or ()))
     return name
 
 

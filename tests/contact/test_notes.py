@@ -59,6 +59,14 @@ def test_bodies_drawn_into_each_other_are_told_with_depth_and_place(gap: float, 
         assert "`clearance: 0`" in notes[0]
 
 
+@pytest.mark.parametrize(("gap", "deep"), [(-0.25, True), (-0.02, False)])
+def test_bodies_deep_in_each_other_are_asked_for_their_place(gap: float, deep: bool) -> None:
+    """A tenth of what is thick is no fit that is meant."""
+    note, = start_notes(strips(gap, gap_max=0.01), {})
+    assert "that is a press fit" in note
+    assert note.endswith("is a body in the wrong place?") is deep
+
+
 def test_a_pair_that_states_its_fit_is_not_told_of_the_drawing() -> None:
     interface = strips(-0.02)
     assert len(start_notes(interface, {})) == 1

@@ -62,7 +62,7 @@ def test_the_simplifications_of_the_sliding_blocks() -> None:
 def test_the_simplifications_of_the_casting() -> None:
     """Nothing drives its bodies, so rigid ones are at rest; it has latent heat, expansion, shrinkage."""
     assert names(CASTING) == [
-        "rigid bodies, at rest as nothing drives them (uncoupled)", "heat moves no body (one-way)",
+        "rigid bodies, at rest as nothing drives them (uncoupled)", "all expansion and shrinkage (one-way)",
         "one temperature a body", "scheme staggered",
         "conduction across the gap (interface)", "conduction where they touch (interface)",
         "latent heat of aluminium", "thermal expansion of aluminium", "shrinkage of aluminium",

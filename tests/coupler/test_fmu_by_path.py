@@ -48,6 +48,17 @@ def test_one_that_is_not_there_is_named_before_anything_runs(scene: Path) -> Non
         load_scenario(scene, overrides={"thermal.half": "fmus/thermo.fmu"})
 
 
+def test_one_that_is_in_the_current_folder_is_told_as_the_scenario_has_it(scene: Path, tmp_path: Path,
+                                                                           monkeypatch: pytest.MonkeyPatch) -> None:
+    (tmp_path / "here").mkdir()
+    shutil.copy(scene.parent / "fmus/thermal.fmu", tmp_path / "here" / "mine.fmu")
+    monkeypatch.chdir(tmp_path)
+    with pytest.raises(ScenarioError) as refused:
+        load_scenario(scene, overrides={"thermal.half": "here/mine.fmu"})
+    hint = refused.value.remedy.rpartition(": ")[2]
+    assert load_scenario(scene, overrides={"thermal.half": hint}).thermal_half == str(tmp_path / "here" / "mine.fmu")
+
+
 def test_it_is_copied_once_by_content(scene: Path, tmp_path: Path) -> None:
     fmu, cache = scene.parent / "fmus/thermal.fmu", tmp_path / "cache"
     first = build_half(str(fmu), tmp_path, cache)

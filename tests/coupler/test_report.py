@@ -13,7 +13,7 @@ import pytest
 
 from coupler.errors import ResultsError
 from coupler.fmu.outputs import On, OutputField
-from coupler.record.paths import journal_of
+from coupler.record.paths import checkpoint_of, journal_of, stopped_of
 from coupler.record.results import Results
 from coupler.report import write_report
 from coupler.report.curves import eventful
@@ -198,6 +198,10 @@ def test_a_killed_run_says_how_far_it_came(tmp_path: Path) -> None:
     words = page_of(Results(tmp_path / "run.h5"), tmp_path).words
     assert "This run was killed. It reached t = 25000 s of 25000 s." in words
     assert "of wall-clock time" in words
+    assert "To go on" not in words
+    for left in (checkpoint_of, stopped_of):
+        left(tmp_path / "run.h5").touch()
+    assert "To go on: slideline resume run.h5" in page_of(Results(tmp_path / "run.h5"), tmp_path).words
 
 
 @pytest.mark.few("case2")

@@ -221,6 +221,14 @@ def test_a_disk_full_while_recovering_says_so(tmp_path: Path, monkeypatch: pytes
     assert journal_of(out).exists()
 
 
+def test_a_file_that_is_cut_short_is_told_in_plain_words(tmp_path):
+    path = write_run(tmp_path / "run.h5", CASE).path
+    whole = path.read_bytes()
+    path.write_bytes(whole[:5000])
+    with pytest.raises(ResultsError, match=f"it is cut short: 5000 of its {len(whole)} bytes are there"):
+        Results(path)
+
+
 def test_a_scenario_is_not_taken_for_results(tmp_path):
     path = tmp_path / "scene.yaml"
     path.write_text("slideline: 2\n")

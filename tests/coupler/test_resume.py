@@ -269,6 +269,7 @@ def test_the_command_line(whole: Path, stopped: Path, monkeypatch: pytest.Monkey
     assert "completed" in (shown := capsys.readouterr()).out
     assert "to go on" not in shown.out
     assert differences(whole, stopped) == []
+    assert "was changed since" not in shown.err
     assert exit_code(monkeypatch, "resume", str(stopped)) == 3
     assert "its run is complete" in capsys.readouterr().err
 
@@ -344,3 +345,19 @@ def test_a_full_disk_ends_no_run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch
     done = run(casting(**{"coupling.end": 0.5}), tmp_path / "run.h5")
     assert done.outcome == "completed"
     assert [n for n in done.notes if "No space left" in n]
+
+
+@pytest.mark.parametrize("changed", [False, True])
+def test_a_scenario_that_was_changed_since_is_told(changed: bool, tmp_path: Path, monkeypatch: pytest.MonkeyPatch,
+                                                   capsys: pytest.CaptureFixture[str]) -> None:
+    """The run goes on as it began: what it has done already would be of another scene."""
+    file, out = tmp_path / "gap.yaml", tmp_path / "run.h5"
+    text = (Path(__file__).parents[2] / "scenarios/lumped_gap.yaml").read_text(encoding="utf-8")
+    file.write_text(text, encoding="utf-8")
+    run(load_scenario(file), out, until=1.0)
+    if changed:
+        file.write_text(text.replace("\ntitle: ", "\ntitle: New "), encoding="utf-8")
+    exit_code(monkeypatch, "resume", str(out), "-q", "--until", "2")
+    told = f"{file} was changed since; the run goes on as it began"
+    assert (told in capsys.readouterr().err) is changed
+    assert not Results(out).header["title"].startswith("New")

@@ -206,6 +206,20 @@ def test_one_name_for_a_set_of_points_and_a_set_of_lines_is_an_error(tmp_path: P
         file_mesh(MeshFile(path="m.inp"), tmp_path)
 
 
+def test_a_mesh_file_that_names_no_surface_is_told_so(tmp_path: Path) -> None:
+    (tmp_path / "meshes").mkdir()
+    block_file(tmp_path / "meshes" / "block.msh")
+    raw = meshio.read(tmp_path / "meshes" / "block.msh")
+    bare = meshio.Mesh(raw.points, [cells for cells in raw.cells if cells.type in ("quad", "triangle")])
+    meshio.write(tmp_path / "meshes" / "block.msh", bare, file_format="gmsh22", binary=False)
+    with pytest.raises(ScenarioError) as caught:
+        load_text(tmp_path, WITH_FILE)
+    told = {error.key: error.remedy for error in (caught.value, *caught.value.others)}
+    assert told["contact.face.master"].startswith("lower has none: a mesh file names them as groups of lines (gmsh: "
+                                                  "Physical Curve). Known here: upper.bottom, ")
+    assert "thermal.boundary.0.on" in told
+
+
 def test_unknown_regions_are_named_and_known_ones_taken(tmp_path: Path) -> None:
     (tmp_path / "meshes").mkdir()
     block_file(tmp_path / "meshes" / "block.msh")

@@ -12,8 +12,9 @@ from pathlib import Path
 import pytest
 from typer.testing import CliRunner
 
-from coupler import ResultsError, load_scenario
+from coupler import Results, ResultsError, load_scenario
 from coupler.cli.cli import app
+from coupler.cli.console import summary
 from coupler.errors import HalfError
 from coupler.record.journal import being_written
 from coupler.running import status as status_module
@@ -38,6 +39,10 @@ def test_a_run_is_told_while_it_goes_on_and_when_it_is_done(tmp_path):
     done = status(out)
     assert (done.state, done.t, done.windows, done.rejected) == ("completed", pytest.approx(0.1), n, 0)
     assert done.title in done.lines[0]
+    assert not any("resume" in line for line in done.lines)
+    results = Results(out)
+    assert f", {done.seconds:.1f} s after " in summary(results), "it tells the seconds that the run told"
+    assert done.seconds > results.windows.seconds.sum()
     said = CliRunner().invoke(app, ["status", str(out), "--json"])
     assert json.loads(said.output)["windows"] == n
     with pytest.raises(ResultsError, match="no such file"):
@@ -80,6 +85,7 @@ def test_a_killed_run_is_told_as_such_and_can_be_gone_on_with(tmp_path):
     assert left.state == "killed"
     assert left.checkpoint is not None
     assert left.windows > 2
+    assert left.lines[-1] == f"  to resume: slideline resume {out}"
 
 
 def test_a_log_is_a_line_of_json_for_whatever_happens(tmp_path):
