@@ -9,6 +9,7 @@ from typing import Annotated, Any
 
 import typer
 
+from contact.problem.units import UnitError, as_float, quantity_from, unit_from
 from coupler.cli.codes import exit_code
 from coupler.errors import ScenarioError
 from coupler.init.templates import shipped_scenarios
@@ -53,6 +54,20 @@ SwapOption = Annotated[list[str] | None, typer.Option(
     "--swap", metavar="HALF=KIND", help="Use another half: mechanical=rigid. May be repeated.")]
 
 
+def _seconds(text: str) -> float:
+    """Read a time: seconds, or a number with a unit as a scenario has it.  Raises ScenarioError."""
+    try:
+        # fault: a time in minutes is no time -> quantity = quantity_from("0") | coupler/test_cli
+        quantity = quantity_from(text.strip())
+        if quantity is not None and quantity.powers == unit_from("s").powers:
+            return as_float(quantity.si())
+        return float(text)
+    except ValueError as exc:
+        remedy = exc.remedy if isinstance(exc, UnitError) else ""
+        raise ScenarioError("a time is needed here", key="--until", value=text,
+                            remedy=remedy or "Give seconds, or a number with a unit: '5 min'") from None
+
+
 def _after_the_start(until: float | None) -> float | None:
     # fault: a run may be asked to end before it starts -> if False: | coupler/test_cli
     if until is not None and not until > 0.0:
@@ -64,7 +79,7 @@ def _after_the_start(until: float | None) -> float | None:
 UntilOption = Annotated[float | None, typer.Option(
     # fault: an option that the pages name is renamed -> "--til", metavar="SECONDS", callback=_after_the_start, |
     #   test_docs::test_commands_and_options_exist
-    "--until", metavar="SECONDS", callback=_after_the_start,
+    "--until", metavar="SECONDS", callback=_after_the_start, parser=_seconds,
     help="Stop at the first window end at or after this time; `resume` continues.")]
 ProcessesOption = Annotated[bool, typer.Option(
     "--processes", help="Run each half and the contact service in its own process.")]

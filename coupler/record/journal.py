@@ -148,16 +148,20 @@ def read_journal(path: Path) -> Iterator[JournalRecord]:
 
 def check_mark(path: Path, mark: Mark) -> None:
     """See that a journal has this place, every record before it whole.  Raises ResultsError."""
-    at = Mark()
+    at, whole = Mark(), True
     with path.open("rb") as file:
         if file.read(len(MAGIC)) != MAGIC:
             raise ResultsError(f"{path}: not a journal of a run")
+        size = path.stat().st_size
         while at.offset < mark.offset and len(head := file.read(_HEAD.size)) == _HEAD.size:
             length, crc = _HEAD.unpack(head)
-            if length > mark.offset - at.offset or zlib.crc32(file.read(length)) != crc:
+            whole = length <= size - file.tell() and zlib.crc32(file.read(length)) == crc
+            if not whole or length > mark.offset - at.offset:
                 break
             at = at.after(head)
-    if at.offset < mark.offset:
+    # fault: the longer journal of another run is taken for one that is damaged -> if at.offset < mark.offset: |
+    #   coupler/test_journal
+    if at.offset < mark.offset and not (whole and size >= mark.offset):
         raise ResultsError(f"{path}: is whole up to byte {at.offset} only; its checkpoint goes on from byte "
                            f"{mark.offset}")
     # fault: any journal that is long enough will do -> if at.offset != mark.offset: |

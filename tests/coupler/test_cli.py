@@ -115,6 +115,10 @@ def test_run_report_and_their_files(tmp_path):
     (("run", "heated_bars.yaml"), 2, "Did you mean the installed scenario 'heated_bars'?"),
     (("run", BARS, "--until", "-5"), 2, "--until: no window ends at or before this time (got -5.0)"),
     (("run", BARS, "--until", "nan"), 2, "--until: no window ends at or before this time (got nan)"),
+    (("run", BARS, "--until", "-1 h"), 2, "--until: no window ends at or before this time (got -3600.0)"),
+    (("run", BARS, "--until", "soon"), 2, "--until: a time is needed here (got 'soon'). Give seconds, or a number"),
+    (("run", BARS, "--until", "5 mm"), 2, "--until: a time is needed here (got '5 mm'). Give seconds, or a number"),
+    (("run", BARS, "--until", "5 minn"), 2, "--until: a time is needed here (got '5 minn'). Did you mean min"),
 ])
 def test_wrong_input_is_one_error_and_a_code(tmp_path, monkeypatch, capsys, arguments, code, text):
     monkeypatch.chdir(tmp_path)

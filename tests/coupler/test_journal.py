@@ -9,7 +9,16 @@ import numpy as np
 import pytest
 
 from coupler.errors import ResultsError
-from coupler.record.journal import _HEAD, MAGIC, Journal, JournalRecord, Mark, being_written, read_journal
+from coupler.record.journal import (
+    _HEAD,
+    MAGIC,
+    Journal,
+    JournalRecord,
+    Mark,
+    being_written,
+    check_mark,
+    read_journal,
+)
 
 RECORDS = [("run", {"title": "a"}, {"nodes": np.arange(6.0).reshape(3, 2)}),
            ("window", {"t": 1.0}, {"probes": np.array([1.0, 2.0])}),
@@ -157,5 +166,10 @@ def test_the_journal_of_another_run_is_refused(tmp_path: Path) -> None:
         assert journal.mark.offset == mark.offset
     with pytest.raises(ResultsError, match="another run"):
         Journal(tmp_path / "other", mark)
+    with Journal(tmp_path / "longer") as journal:
+        journal.write(RECORDS[0][0], {"title": 100 * "b"}, RECORDS[0][2])
+        journal.write(*RECORDS[1])
+    with pytest.raises(ResultsError, match="another run"):
+        check_mark(tmp_path / "longer", mark)
     with pytest.raises(ResultsError, match="cannot be written"):
         Journal(tmp_path / "none", mark)
