@@ -14,7 +14,6 @@ from coupler.cli.options import JsonOption, ScenarioFile, SetOption, SwapOption,
 from coupler.record.results import Results
 from coupler.report import watch_report, write_report
 from coupler.report.comparison import short_names, write_comparison
-from coupler.report.scene import write_scene
 from coupler.report.verdict import bounds_of, verdict
 from coupler.report.watch import wait_for
 
@@ -24,6 +23,9 @@ def show_command(scenario: ScenarioFile,
                      "--out", "-o", help="The picture: .png, .svg or .pdf; without it SCENARIO.png, here.")] = None,
                  sets: SetOption = None, swaps: SwapOption = None) -> None:
     """Draw a scenario before it runs: bodies, meshes, pairs with their sides, conditions, probes."""
+    # Here and not above: who draws results loads nothing that reads a scenario.
+    from coupler.report.scene import write_scene
+
     typer.echo(write_scene(scenario_of(scenario, sets, swaps), out or Path(f"{scenario.stem}.png")))
 
 

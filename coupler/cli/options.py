@@ -5,16 +5,18 @@ from __future__ import annotations
 import difflib
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from contact.problem.units import UnitError, as_float, quantity_from, unit_from
 from coupler.cli.codes import exit_code
 from coupler.errors import ScenarioError
-from coupler.init.templates import shipped_scenarios
-from coupler.record.results import Results
-from coupler.scenario import Scenario, load_scenario, parse_override
+from coupler.init.shipped import shipped_scenarios
+
+if TYPE_CHECKING:
+    from coupler.record.results import Results
+    from coupler.scenario import Scenario
 
 
 def installed(path: Path) -> Path:
@@ -94,6 +96,9 @@ WithinOption = Annotated[str, typer.Option(
 
 
 def overrides_of(sets: Sequence[str] | None, swaps: Sequence[str] | None) -> dict[str, Any]:
+    # Here and not above: who reads results loads nothing that reads a scenario.
+    from coupler.scenario import parse_override
+
     overrides: dict[str, Any] = dict(parse_override(text) for text in sets or ())
     for text in swaps or ():
         half, sep, kind = text.partition("=")
@@ -111,6 +116,9 @@ def overrides_of(sets: Sequence[str] | None, swaps: Sequence[str] | None) -> dic
 
 
 def scenario_of(path: Path, sets: Sequence[str] | None, swaps: Sequence[str] | None) -> Scenario:
+    """The scenario with what options change."""
+    from coupler.scenario import load_scenario
+
     return load_scenario(path, overrides=overrides_of(sets, swaps))
 
 

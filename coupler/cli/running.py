@@ -36,7 +36,7 @@ from coupler.experiments.confidence import confidence as errors_of_probes
 from coupler.experiments.pool import TrialLine
 from coupler.fmu.launch import build_halves, make_folder
 from coupler.fmu.ssp import check_one_system, write_ssp
-from coupler.init.templates import SCENARIO, shipped_scenarios
+from coupler.init.shipped import SCENARIO, shipped_scenarios
 from coupler.record.confidence import write_confidence
 from coupler.record.paths import check_target
 from coupler.record.results import Results

@@ -11,7 +11,7 @@ import typer
 
 from coupler.cli.options import JsonOption
 from coupler.fmu.launch import CAP, cache_directory, cached_halves, clear_cache, drop_to, known_halves
-from coupler.init.templates import shipped_scenarios
+from coupler.init.shipped import shipped_scenarios
 from coupler.scenario.kinds import OWN, PROGRAMS, SHIPPED
 
 ABOUT = {

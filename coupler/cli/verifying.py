@@ -16,7 +16,8 @@ from coupler.errors import ScenarioError
 from coupler.fmu.bind import bind
 from coupler.fmu.bounds import BorderScene
 from coupler.fmu.launch import build_half, known_halves
-from coupler.init.templates import shipped_scenarios, templates
+from coupler.init.shipped import shipped_scenarios
+from coupler.init.templates import templates
 from coupler.scenario import Scenario, load_scenario
 from coupler.scenario.kinds import OWN, entry_of, fmu_path, understood_by
 from coupler.verify.bench import NO_REFERENCE

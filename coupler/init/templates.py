@@ -1,4 +1,4 @@
-"""What comes with an installation: templates of scenarios with their choices, named materials, scenarios."""
+"""What comes with an installation: templates of scenarios with their choices, and named materials."""
 
 from __future__ import annotations
 
@@ -197,23 +197,3 @@ def _meshed(tree: Mapping[str, Any], factor: float) -> dict[str, Any]:
         raise ScenarioError("a mesh is so many times as fine, a number above 0", key="--mesh", value=factor,
                             remedy="2 halves the cells' edges, 0.5 doubles them")
     return {dotted(key): cells for key, cells in cells_times(tree, factor).items()}
-
-
-# The scenarios that belong to an installation.
-
-SCENARIO = "sliding_blocks.yaml"
-
-
-def shipped_scenarios() -> Path:
-    """Return the folder of scenarios: beside the packages in a checkout, inside this one when installed.
-
-    Raises ScenarioError where there is none.
-    """
-    here = Path(__file__).resolve().parent.parent
-    for folder in (here / "scenarios", here.parent / "scenarios"):
-        if (folder / SCENARIO).is_file():
-            return folder
-    raise ScenarioError("the scenarios that belong to this installation are missing", file=str(here / "scenarios"),
-                        remedy="Install slideline again, or give `slideline run` a scenario of your own")
-
-

@@ -20,7 +20,10 @@ from coupler.record.results import Results
 from coupler.report.comparison import Comparison, compare
 from coupler.report.curves import NAMES
 from coupler.report.figures import number
-from coupler.scenario.probes import step_output
+
+# fault: who compares two runs waits for what reads a scenario -> from coupler.scenario.probes import step_output |
+#   coupler/test_cli_start
+from coupler.scenario.of_a_step import step_output
 
 Array = NDArray[np.float64]
 

@@ -12,6 +12,7 @@ from contact.problem.values import did_you_mean
 from coupler.scenario.conditions import ConditionOutput, is_condition, remedy, resolved
 from coupler.scenario.document import Key
 from coupler.scenario.mesh import Floats, Ints
+from coupler.scenario.of_a_step import SINCE_START, step_output
 from coupler.scenario.scene import Context, surface_key
 from coupler.scenario.schema import Place, ProbeSpec
 from coupler.scenario.stated import NEAREST
@@ -22,23 +23,7 @@ UNITS = {"T": "K", "u_x": "m", "u_y": "m", "gap": "m", "p": "Pa", "f_s": "1"}
 AT_CONTACT = ("gap", "p")
 OF_MECHANICS = ("u_x", "u_y", *AT_CONTACT)
 VALUE = "value"  # in the place of a point: an output that belongs to no place of the mesh
-# Outputs that tell what one step moved or took: they hang on how long it is (docs/design.md).  Of some the sum since
-# the start is told, too.
-OF_A_STEP = ("heat", "surface.E", "E_M", "E_S", "contact.E_friction", "contact.slip", "max_dT", "max_strain_increment",
-             "heat_moved", "heat_rounding", "iterations", "residual", "substeps", "rejected", "cuts", "program.runs",
-             "program.tolerance", "across.iterations", "across.off")
-_BY_CONDITION = "`heat.NAME` of a named condition, `heat.source.BODY` and `heat.pair.NAME[1]` are"
-SINCE_START = {"heat": _BY_CONDITION, "surface.E": _BY_CONDITION, "contact.E_friction": _BY_CONDITION,
-               "contact.slip": "`mechanical.contact.slip_path` is", "E_M": "`mechanical.flow.BODY` is"}
 NONE, NO_WEIGHTS = np.empty(0, dtype=np.int32), np.empty(0)
-
-
-def step_output(quantity: str) -> str:
-    """Return the one of OF_A_STEP that HALF.OUTPUT is, or is a part of; empty of any other quantity."""
-    half, _, output = quantity.partition(".")
-    bare = output.partition("[")[0]
-    return next((name for name in OF_A_STEP if bare == name or (name == "heat" and bare.startswith("heat."))), "") \
-        if half in ("thermal", "mechanical") else ""
 
 
 @dataclass(frozen=True, eq=False)

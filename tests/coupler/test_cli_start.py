@@ -11,7 +11,10 @@ from pathlib import Path
 import pytest
 
 from coupler.cli.cli import VERBS
-from coupler.init.templates import shipped_scenarios
+from coupler.init.shipped import shipped_scenarios
+
+sys.path.insert(0, str(Path(__file__).parent))
+from synthetic_run import Case, write_run
 
 LOADED = """
 import sys
@@ -51,3 +54,11 @@ def test_a_look_at_a_scene_compiles_nothing(tmp_path: Path, name: str) -> None:
     modules = loaded(tmp_path, "check", str(shipped_scenarios() / f"{name}.yaml"))
     assert "contact.facing" in modules  # it has looked at contact
     assert modules.isdisjoint({"numba", "zenoh", "matplotlib"})
+
+
+@pytest.mark.parametrize("arguments", [("status", "run.h5"), ("report", "run.h5"), ("compare", "run.h5", "run.h5"),
+                                       ("list",), ("cache",)])
+def test_a_look_at_results_reads_no_scenario(tmp_path: Path, arguments: tuple[str, ...]) -> None:
+    """A third to a half of a second for nothing: what reads a scenario, and scipy and scikit-fem with it."""
+    write_run(tmp_path / "run.h5", Case(windows=4))
+    assert loaded(tmp_path, *arguments).isdisjoint({"coupler.scenario.load", "coupler.scenario.schema", "skfem"})

@@ -11,7 +11,7 @@ import pytest
 from coupler.cli.running import run_demo
 from coupler.errors import ScenarioError
 from coupler.fmu.launch import build_halves
-from coupler.init.templates import SCENARIO, shipped_scenarios
+from coupler.init.shipped import SCENARIO, shipped_scenarios
 from coupler.scenario import load_scenario
 
 

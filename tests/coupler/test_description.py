@@ -11,7 +11,7 @@ import pytest
 from coupler.errors import HalfError
 from coupler.fmu.description import read_description, unpack
 from coupler.fmu.launch import build_halves
-from coupler.init.templates import shipped_scenarios
+from coupler.init.shipped import shipped_scenarios
 from coupler.scenario import load_scenario
 
 XML = """<fmiModelDescription fmiVersion="{version}" guid="g" generationTool="by hand">

@@ -7,7 +7,8 @@ from pathlib import Path
 import pytest
 
 from coupler.errors import ScenarioError
-from coupler.init.templates import shipped_scenarios, templates
+from coupler.init.shipped import shipped_scenarios
+from coupler.init.templates import templates
 from coupler.scenario import Scenario, load_scenario
 
 SCENE = """

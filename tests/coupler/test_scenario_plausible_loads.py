@@ -6,7 +6,8 @@ from pathlib import Path
 
 import pytest
 
-from coupler.init.templates import shipped_scenarios, templates
+from coupler.init.shipped import shipped_scenarios
+from coupler.init.templates import templates
 from coupler.scenario import load_scenario
 
 SI = {"units": "{temperature: degC}", "E": "2.0e11", "rho": 7850, "c": 460, "k": 45, "length": 0.1,
