@@ -103,3 +103,18 @@ OWN = [*shipped_scenarios().glob("*.yaml"), *(template.document.path for templat
 @pytest.mark.parametrize("path", OWN, ids=lambda path: path.stem)
 def test_our_own_scenes_are_usual(path: Path) -> None:
     assert not [note for note in load_scenario(path).notes if "meant?" in note]
+
+
+@pytest.mark.parametrize(("wrong", "told"), [
+    ({"T0": 1e70}, ["bar starts at 1e+70 degC: no solid and no melt is as hot"]),
+    ({"T0": 6000}, ["bar starts at 6000 degC: no solid and no melt is as hot"]), ({"T0": 5500}, []),
+])
+def test_what_is_hotter_than_any_melt_is_told(tmp_path: Path, wrong: dict[str, object], told: list[str]) -> None:
+    assert [note for note in notes_of(tmp_path, SI, wrong) if "as hot" in note] == told
+
+
+def test_a_prescribed_temperature_hotter_than_any_melt_is_told(tmp_path: Path) -> None:
+    held = SCENE.replace("flux: {flux}", "temperature: {flux}")
+    (tmp_path / "bar.yaml").write_text(held.format(**{**SI, "flux": "{t: [0, 1], value: [20, 1.0e5]}"}))
+    assert "temperature of bar.left is 100000 degC: no solid and no melt is as hot" in load_scenario(
+        tmp_path / "bar.yaml").notes
