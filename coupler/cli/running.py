@@ -47,6 +47,7 @@ from coupler.running.run import run
 from coupler.running.runlog import RunLog
 from coupler.running.setup import plan_of
 from coupler.scenario import Scenario, load_scenario
+from coupler.scenario.kinds import word_of
 from coupler.verify.verdicts import Verify
 
 OutOption = Annotated[Path, typer.Option("--out", "-o", help="Where the results go.")]
@@ -98,7 +99,7 @@ def run_command(scenario: ScenarioFile, out: OutOption = Path("run.h5"), sets: S
     plan = plan_of(s)
     count = f"{len(plan.schedule.bounds) - 1} windows" if plan.adaptive is None else "adaptive windows"
     if not quiet:
-        typer.echo(f"{s.title}: {s.thermal_half} + {s.mechanical_half}, {count} to t = {s.coupling.end:g} s", err=True)
+        typer.echo(f"{s.title}: {_words(s)}, {count} to t = {s.coupling.end:g} s", err=True)
         for note in s.notes:
             typer.echo(f"note: {note}", err=True)
     with ProgressLine(s.temperature_unit, quiet=quiet, verbose=verbose) as line, RunLog(log, out) as written:
@@ -126,7 +127,7 @@ def run_command(scenario: ScenarioFile, out: OutOption = Path("run.h5"), sets: S
         from coupler.cli.drawn import compare, compared
 
         if not quiet:
-            typer.echo(f"{own.title}: {own.thermal_half} + {own.mechanical_half}, to compare with", err=True)
+            typer.echo(f"{own.title}: {_words(own)}, to compare with", err=True)
         # fault: --quiet: the run that is compared with tells its progress -> with ProgressLine(own.temperature_unit) as
         #   line: | coupler/test_verdict
         with ProgressLine(own.temperature_unit, quiet=quiet, verbose=verbose) as line:
@@ -169,6 +170,10 @@ def _noted(s: Scenario, line: ProgressLine, *, quiet: bool) -> Iterator[None]:
         for note in notes:
             exc.add_note(f"note: {note}")
         raise
+
+
+def _words(s: Scenario) -> str:
+    return f"{word_of('thermal', s.thermal_half)} + {word_of('mechanical', s.mechanical_half)}"
 
 
 def _changed_at(path: Path) -> int | None:

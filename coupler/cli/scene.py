@@ -25,6 +25,7 @@ from coupler.running.pilot import pilot as pilot_run
 from coupler.running.replay import rules_report
 from coupler.running.setup import plan_of
 from coupler.scenario import Scenario
+from coupler.scenario.kinds import word_of
 from coupler.scenario.load import checked_form
 from coupler.scenario.schema import VERSION
 from coupler.scenario.versions import json_schema, migrated, unsaid
@@ -68,6 +69,7 @@ def check_command(scenario: ScenarioFile, sets: SetOption = None, swaps: SwapOpt
              for a, b in pairwise(plan.schedule.bounds)]
     breakpoints = ", ".join(f"{clock.seconds(k):.6g}" for k in sorted(plan.schedule.kinks))
     pairs = "; ".join(f"{p.name} (slave {p.slave}, master {p.master})" for p in i.pairs) or "none"
+    halves = ", ".join(f"{role} {kind}" for role, kind in _halves(s).items())
     # Pairs and sources have theirs too; what a user can forget is the name of a condition.
     named = [n for n, c in s.conditions.items() if c.kind not in ("contact pair", "source")]
     typer.echo(f"{scenario}: valid\n"
@@ -76,7 +78,7 @@ def check_command(scenario: ScenarioFile, sets: SetOption = None, swaps: SwapOpt
                f"  {s.geometry}, bodies {', '.join(i.bodies)}; {len(i.nodes)} nodes, "
                f"{len(i.quads)} quads, {len(i.triangles)} triangles\n"
                f"  contact pairs: {pairs}\n"
-               f"  halves: thermal {s.thermal_half}, mechanical {s.mechanical_half}; scheme {plan.scheme.value}\n"
+               f"  halves: {halves}; scheme {plan.scheme.value}\n"
                f"  {_sizes(sizes, plan)} to t = {s.coupling.end:g} s; "
                f"{f'breakpoints at {breakpoints} s' if breakpoints else 'no breakpoints'}\n"
                f"  probes: {', '.join(s.probes) or 'none'}"
@@ -105,12 +107,17 @@ def _facts(s: Scenario, *, pilot: bool) -> dict[str, Any]:
             "bodies": list(i.bodies),
             "nodes": len(i.nodes), "quads": len(i.quads), "triangles": len(i.triangles),
             "pairs": [{"name": p.name, "slave": p.slave, "master": p.master} for p in i.pairs],
-            "halves": {"thermal": s.thermal_half, "mechanical": s.mechanical_half}, "scheme": plan.scheme.value,
+            "halves": _halves(s), "scheme": plan.scheme.value,
             "end": s.coupling.end, "windows": windows,
             "breakpoints": [clock.seconds(k) for k in sorted(plan.schedule.kinks)],
             "probes": {name: probe.unit for name, probe in s.probes.items()}, "conditions": list(s.conditions),
             "notes": [*s.notes, *s.mesh_notes],
             "stable_windows": pilot_run(s).summary if pilot or is_quick(s) else None}
+
+
+def _halves(s: Scenario) -> dict[str, str]:
+    """Role -> the word by which a scenario and `--swap` call its half."""
+    return {"thermal": word_of("thermal", s.thermal_half), "mechanical": word_of("mechanical", s.mechanical_half)}
 
 
 def _units(s: Scenario) -> str:

@@ -24,6 +24,7 @@ from contact.half.interface import Interface
 from coupler.errors import ScenarioError
 from coupler.report.figures import COLOURS, INK, counted
 from coupler.scenario import Scenario
+from coupler.scenario.kinds import word_of
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.integer]
@@ -185,8 +186,9 @@ def _told(scenario: Scenario, places: Sequence[Acting]) -> list[tuple[str, str, 
             add(f"{k}  {place.where}: {words}" if j == 0 else f"    {words}", indent="      ")
     if scenario.probes:
         add("Probes (dots): " + ", ".join(scenario.probes), bold=False)
-    add(f"Halves: thermal {scenario.thermal_half}, mechanical {scenario.mechanical_half}; to t = "
-        f"{scenario.coupling.end:g} s")
+    halves = ", ".join(f"{role} {word_of(role, kind)}" for role, kind in (
+        ("thermal", scenario.thermal_half), ("mechanical", scenario.mechanical_half)))
+    add(f"Halves: {halves}; to t = {scenario.coupling.end:g} s")
     return out
 
 

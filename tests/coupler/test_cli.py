@@ -84,6 +84,15 @@ def test_a_name_that_list_tells_is_a_scenario(here):
     assert done.stdout == here("check", BARS).stdout
 
 
+def test_halves_are_told_by_the_words_that_swap_takes(here):
+    rods = ("--swap", "thermal=rod", "--swap", "mechanical=rod")
+    casting = str(ROOT / "scenarios/casting_1d.yaml")
+    assert "halves: thermal rod, mechanical rod;" in here("check", casting, *rods).stdout
+    told = json.loads(here("check", casting, *rods, "--json").stdout)["halves"]
+    again = here("check", casting, *(f"--swap={role}={word}" for role, word in told.items()))
+    assert again.returncode == 0, again.stderr
+
+
 def test_check_tells_what_is_odd_though_no_error(here):
     done = here("check", BLOCKS, "--set", "bodies.upper.mesh.rectangle.origin=[0, 0.03]")
     assert done.returncode == 0, done.stderr
