@@ -13,7 +13,7 @@ from typer.testing import CliRunner
 from coupler.cli.cli import app
 from coupler.errors import HalfError
 from coupler.fmu.description import with_description
-from coupler.init.templates import shipped_scenarios
+from coupler.init.shipped import shipped_scenarios
 from coupler.scenario import load_scenario
 from coupler.verify.behaviour import checks_of
 from coupler.verify.border import CheckVerdict
