@@ -35,6 +35,7 @@ MAX_PENALTY_RATIO = 1e4
 # An overlap of less than this share of the thinner body's thickness is no news: what a penalty lets in at rest and what
 # coordinates are rounded to is less; of steel it would make some 20 MPa.
 DRAWN_INSIDE = 1e-4
+TOUCHES = 1e-6  # of an edge: how numbers of what touches are written
 DEEP = 0.1  # of that thickness: no press fit that is meant is as deep
 
 
@@ -42,6 +43,24 @@ def facing_at(interface: Interface, x: Floats) -> Facing:
     """Find what faces what with the nodes at x : (n_nodes, 2) [m].  Raises ValueError where x is no possible geometry.
     """
     return project(surfaces_of(register_message(interface)), np.ascontiguousarray(x[interface.contact_nodes]))
+
+
+def gaps_at_start(interface: Interface) -> dict[str, tuple[float, float]]:
+    """Return pair -> the least and the largest gap [m] of what faces each other as the scene begins, 0 where that is
+    round-off; no pair that faces nothing."""
+    if not interface.pairs:
+        return {}
+    facing, found = facing_at(interface, interface.nodes), {}
+    for k, pair in enumerate(interface.pairs):
+        sides = [side.at for side in interface.pair_sides if side.pair == pair.name]
+        # A tip is at a node, between the points of the edges beside it.
+        gap = np.concatenate([facing.gap[facing.pair == k],
+                              *(facing.node_gap[at][facing.node_covered[at] > 0.0] for at in sides)])
+        if gap.size:
+            none = TOUCHES * float(edge_lengths(interface, pair.slave).min())
+            least, most = (0.0 if abs(g) <= none else float(g) for g in (gap.min(), gap.max()))
+            found[pair.name] = (least, most)
+    return found
 
 
 def start_notes(interface: Interface, stiffness: Mapping[str, float]) -> list[str]:

@@ -7,7 +7,15 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from contact.half.diagnostics import ContactLog, ContactMonitor, ContactSample, behind, facing_at, start_notes
+from contact.half.diagnostics import (
+    ContactLog,
+    ContactMonitor,
+    ContactSample,
+    behind,
+    facing_at,
+    gaps_at_start,
+    start_notes,
+)
 from contact.half.interface import Interface, Pair
 from contact.messages import Floats
 
@@ -65,6 +73,23 @@ def test_bodies_deep_in_each_other_are_asked_for_their_place(gap: float, deep: b
     note, = start_notes(strips(gap, gap_max=0.01), {})
     assert "that is a press fit" in note
     assert note.endswith("is a body in the wrong place?") is deep
+
+
+@pytest.mark.parametrize(("gap", "told"), [
+    (0.1, (0.1, 0.1)), (0.0, (0.0, 0.0)), (1e-9, (0.0, 0.0)), (-0.02, (-0.02, -0.02)), (0.75, None)])
+def test_gaps_at_the_start_are_as_drawn(gap: float, told: tuple[float, float] | None) -> None:
+    assert gaps_at_start(strips(gap)).get("p") == (None if told is None else pytest.approx(told, rel=1e-9))
+
+
+def test_gaps_at_the_start_know_fits_and_tips() -> None:
+    interface = strips(0.1)
+    fit = replace(interface, offset={"p": np.full(2 * N, -0.1)})
+    assert gaps_at_start(fit) == {"p": (0.0, 0.0)}
+    x = interface.nodes.copy()
+    x[2, 1] = 0.01
+    least, most = gaps_at_start(replace(interface, nodes=x))["p"]
+    assert least == pytest.approx(0.01, rel=1e-9)
+    assert 0.1 <= most < 0.11, "gaps are along normals, which the tip tilts"
 
 
 def test_a_pair_that_states_its_fit_is_not_told_of_the_drawing() -> None:

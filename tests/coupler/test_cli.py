@@ -16,6 +16,7 @@ import pytest
 from coupler import Results, load_scenario
 from coupler.cli import cli
 from coupler.cli.running import _reported
+from coupler.cli.scene import apart
 from coupler.errors import CouplingError, SlidelineError
 
 sys.path.insert(0, str(Path(__file__).parent))
@@ -63,7 +64,8 @@ def test_check_tells_a_script_the_same(here):
     s = load_scenario(BLOCKS)
     assert (facts["valid"], facts["errors"], facts["nodes"], facts["hash"]) == (True, [], 1250, s.hash)
     assert (facts["outcome"], facts["exit_code"]) == ("completed", 0)
-    assert facts["pairs"] == [{"name": "interface", "slave": "upper.bottom", "master": "lower.top"}]
+    assert facts["pairs"] == [{"name": "interface", "slave": "upper.bottom", "master": "lower.top",
+                               "gap": [pytest.approx(0.0508), pytest.approx(0.0508)]}]
     assert facts["probes"] == {name: probe.unit for name, probe in s.probes.items()}
     assert facts["windows"]["adaptive"] is (s.coupling.adaptive is not None)
     wrong = here("check", BLOCKS, "--json", "--set", "coupling.end=3 mm", "--set", "geometry=plain")
@@ -82,6 +84,14 @@ def test_a_name_that_list_tells_is_a_scenario(here):
     done = here("check", "heated_bars")
     assert done.returncode == 0, done.stderr
     assert done.stdout == here("check", BARS).stdout
+
+
+@pytest.mark.parametrize(("gap", "words"), [
+    (None, ""), ((0.0, 0.0), ", in touch"), ((5e-4, 5e-4), ", 0.0005 m apart"), ((0.0, 5e-4), ", 0 to 0.0005 m apart"),
+    ((-1e-4, 0.0), ", up to 0.0001 m into each other"),
+    ((-1e-4, 2e-4), ", 0.0001 m into each other to 0.0002 m apart")])
+def test_how_a_pair_begins_is_told_in_words(gap, words):
+    assert apart(gap) == words
 
 
 def test_halves_are_told_by_the_words_that_swap_takes(here):
