@@ -66,7 +66,7 @@ class ContactStiffness:
 
 
 def rubbing_pairs(system: System, found: ForceBalance, loading: Loading) -> RubbingPairs | None:
-    """The pairs with friction that touch; None without any."""
+    """Find the pairs with friction that touch; None without any."""
     tractions = found.tractions
     assert tractions is not None
     touches = tractions.t_N < 0.0
@@ -83,7 +83,7 @@ def rubbing_pairs(system: System, found: ForceBalance, loading: Loading) -> Rubb
 
 
 def with_friction(system: System, found: ForceBalance, loading: Loading, mobilised: Floats) -> ContactQuery:
-    """Contact as it is at the end of a step, with friction : (n_q,) [1] of the pressure at pair nodes."""
+    """Make the query of contact as it is at the end of a step; mobilised : (n_q,) [1] friction over pressure."""
     assert loading.query is not None
     query, x = loading.query, system.interface.nodes + found.u[: len(system.interface.nodes)]
     x = x + query.away if query.away.size else x
@@ -93,7 +93,7 @@ def with_friction(system: System, found: ForceBalance, loading: Loading, mobilis
 
 
 def force_with(system: System, found: ForceBalance, loading: Loading, mobilised: Floats) -> Floats:
-    """Contact forces (n, 2) [N] with that friction, as of a motion."""
+    """Compute contact forces (n, 2) [N] with that friction, as of a motion."""
     x = system.interface.nodes + found.u[: len(system.interface.nodes)]
     force = system.contact.force(with_friction(system, found, loading, mobilised)(x))
     return force if system.rigid is None else system.rigid.reduced(force, found.u)
@@ -123,10 +123,11 @@ class Answer:
 
 
 def answer_of(contact: ContactStiffness, stopped: RubbingPairs | None) -> Answer:
+    """Make the answer to impulses in a step whose friction was `stopped` at these pairs, None: at none."""
     system, how, tractions = contact.system, contact.system.spec.dynamics, contact.found.tractions
     assert how is not None
     assert tractions is not None
-    # Friction that slips grows with the pressure; what was stopped, or sticks, is left to `_held_up`.
+    # Friction that slips grows with the pressure; what was stopped, or sticks, is left to coming_to_rest.
     rubs = tractions.slipping > 0.5
     if stopped is not None:
         rubs &= ~stopped.nodes.any(axis=0)
@@ -139,6 +140,7 @@ def answer_of(contact: ContactStiffness, stopped: RubbingPairs | None) -> Answer
 
 
 def pushed(motion: BodyMotion, dv: Floats, da: Floats, push: Floats) -> BodyMotion:
+    """Return the motion with more velocity dv [m/s], acceleration da [m/s2] and contact force push [N], (n,) each."""
     shape = motion.v.shape
     return replace(motion, v=motion.v + dv.reshape(shape), a=motion.a + da.reshape(shape),
                    push=motion.push + push.reshape(shape), f=motion.f - push.reshape(shape))
