@@ -11,7 +11,7 @@ import pytest
 
 sys.path.insert(0, str(Path(__file__).parent))
 from cell_scenes import PLANE, Stuff, equilibrium, grid, moduli_of, quads, volume_of
-from mechanical_scenes import NoLink, block, done, elastic, hold, inputs_of
+from mechanical_scenes import NoLink, block, done, elastic, hold, inputs_of, rectangle
 
 from contact.half.nodal_stress import LINEAR, nodal_stress
 from mechanical_fmu.locking import locked_energy, locks
@@ -100,3 +100,21 @@ def test_the_half_tells_it():
     state, _ = half.start(inputs_of(half, 300.0), 0.0, NoLink())
     _, told = done(half.step(state, inputs_of(half, 300.0), 0.0, 1.0, NoLink()))
     assert told["mesh.missed.block"] > 0.05 * told["mesh.energy.block"]
+
+
+def test_it_does_so_beside_a_rigid_body():
+    """A rigid body has rows of its own, which are nodes of none: it ended the run."""
+    line = np.linspace(0.0, 1.0, 5)
+    ends = [*(hold("block.bottom", c) for c in (0, 1)), hold("block.top", 0, 1e-4), hold("block.top", 1)]
+    alone = block(line, line, "triangles")
+    nodes, cells, _ = rectangle(np.array([3.0, 4.0]), np.array([0.0, 1.0]), first=len(alone.nodes))
+    both = replace(alone, nodes=np.concatenate([alone.nodes, nodes]), quads=cells.astype(np.int32),
+                   quad_body=np.ones(len(cells), np.int32), bodies=("block", "die"), materials=("m", "m"))
+    missed = []
+    for scene, bodies, held in ((alone, {}, ends), (both, {"block": {"material": "m"}, "die": {
+            "material": "m", "rigid": True}}, [*ends, *(hold("die", c) for c in range(3))])):
+        half = elastic(scene, held, {"E": E, "nu": 0.4999, "alpha": 0.0}, **({"bodies": bodies} if bodies else {}))
+        state, _ = half.start(inputs_of(half, 300.0), 0.0, NoLink())
+        _, told = done(half.step(state, inputs_of(half, 300.0), 0.0, 1.0, NoLink()))
+        missed.append(told["mesh.missed.block"])
+    assert missed[1] == pytest.approx(missed[0], rel=1e-9)
