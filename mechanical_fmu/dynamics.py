@@ -45,8 +45,9 @@ class Rubbing:
 class BodyMotion:
     """u : (n, 2) [m], v : (n, 2) [m/s], a : (n, 2) [m/s2], f : (n, 2) [N] internal less external, all at one time.
 
-    push : (n, 2) [N] contact forces of f, (0, 2) where they were not noted.  stored : [J] in the springs of contact.
-    rubbing : friction then.
+    push : (n, 2) [N] contact forces of f, (0, 2) where they were not noted.  stored : [J] in the springs of contact,
+    less what it owes, of energy that it made of nothing and could not take back yet.  rubbing : friction then.
+    owed : [J].
     """
 
     u: Floats
@@ -56,6 +57,7 @@ class BodyMotion:
     push: Floats = field(default_factory=lambda: np.empty((0, 2)))
     stored: float = 0.0
     rubbing: Rubbing = field(default_factory=Rubbing)
+    owed: float = 0.0
 
 
 def of_contact(before: BodyMotion, after: BodyMotion, heat: float) -> float:

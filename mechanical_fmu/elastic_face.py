@@ -124,9 +124,8 @@ def outputs_of(system: System, found: StepResult, moved: Moved, state: ElasticSt
     if damps(system):
         outputs["work.stabilisation"] = state.damped
     if tells_energy(system):
-        # What contact owes is kept as if its springs held less; until it is given back, it is made of nothing.
         # fault: energy that contact owes is not told -> owed = 0.0 | mechanical_fmu/test_groups
-        owed = 0.0 if balance.tractions is None else balance.tractions.stored - found.motion.stored
+        owed = found.motion.owed
         outputs |= {"energy.made": state.made + owed, "energy.kinetic": kinetic(system, found.motion)}
     outputs |= flow_outputs(system, PointStep(moved.loading.step.dt, moved.history), found.balance.history)
     outputs |= _heats(system, found, moved, state)

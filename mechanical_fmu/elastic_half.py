@@ -152,7 +152,7 @@ class ElasticHalf:
         contact = contact_history(system, found.balance, state.contact)
         after = replace(after, t=t + h, u=found.balance.u, contact=contact, drive=drive, solved=t + h,
                         history=found.balance.history, v=motion.v, a=motion.a, f=motion.f, push=motion.push,
-                        stored=motion.stored, rubbing=motion.rubbing, skipped=0,
+                        stored=motion.stored, owed=motion.owed, rubbing=motion.rubbing, skipped=0,
                         damped=state.damped + found.work, made=state.made + found.made,
                         slid=slid(found.slid, _array(state.slid)))
         moved = Moved(loading, u, _array(state.history), state.drive, frozen is not None, drive)
@@ -201,7 +201,7 @@ class ElasticHalf:
     def _in_pieces(self, state: ElasticState, task: Task, method: str,
                    failed: ArithmeticError | None = None) -> StepResult:
         motion = BodyMotion(_array(state.u), _array(state.v), _array(state.a), _array(state.f), _array(state.push),
-                            state.stored, state.rubbing)
+                            state.stored, state.rubbing, state.owed)
         settings = replace(self.settings, method=method)
         cuts = 0 if method == "explicit" else self.system.spec.stated.cuts
         return in_pieces(self.system, task, Departure(motion, _array(state.history)), settings, cuts, failed)

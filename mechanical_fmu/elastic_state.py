@@ -25,7 +25,7 @@ class ElasticState:
     drive : what u is in equilibrium with.  solved : the time of that [s]; later steps were skipped.
     history : (n_history,) of points and cells (System.start_history).
     v, a : (n, 2) [m/s], [m/s2], and f : (n, 2) [N] internal less external force; (0, 2) without inertia.
-    push : (n, 2) [N] the contact forces of f, stored : [J] in contact's springs, rubbing : friction
+    push : (n, 2) [N] the contact forces of f, stored : [J] in contact's springs, owed : [J] by it, rubbing : friction
     (dynamics.BodyMotion).
     skipped : steps left out in a row, all_skipped : since the start.
     damped : [J] of what damped bodies that contact did not hold yet, since the start.
@@ -57,6 +57,7 @@ class ElasticState:
     handed: Floats = field(default_factory=lambda: np.empty((0, 2)))
     slid: Floats = field(default_factory=lambda: np.empty(0))
     made: float = 0.0
+    owed: float = 0.0
 
 
 def after_release(system: System, state: ElasticState, found: ForceBalance) -> ElasticState:

@@ -11,6 +11,8 @@ import pytest
 
 from contact.half.interface import Interface, Pair
 from contact.rpc.link import open_link
+from mechanical_fmu import advance
+from mechanical_fmu.impact import with_its_energy
 
 sys.path.insert(0, str(Path(__file__).parent))
 from mechanical_scenes import NO_CELLS, done, elastic, hold, inputs_of, rectangle
@@ -82,11 +84,30 @@ def test_what_bounces_leaves_what_lies_alone() -> None:
     assert heat == pytest.approx(its_heat, abs=1e-9 * its_heat.sum())
 
 
+def owing(state, debt):
+    return replace(state, stored=state.stored - debt, owed=debt)
+
+
 def test_energy_that_contact_owes_is_told() -> None:
     """A corner that digs in between two points of contact makes energy; contact owed it, and told no one."""
     half, link = beside(True, 0.02), open_link("direct")
     state, _ = half.start(inputs_of(half), 0.0, link)
     for debt in (0.0, 0.1):
-        _, out = done(half.step(replace(state, stored=state.stored - debt), inputs_of(half), 0.0, 1e-4, link))
+        _, out = done(half.step(owing(state, debt), inputs_of(half), 0.0, 1e-4, link))
         assert out["energy.made"] == pytest.approx(debt, rel=0.1, abs=1e-6)  # some of it is paid back
     link.close()
+
+
+def test_no_step_is_cut_for_what_is_owed_of_others(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Each step of a body that touched was cut ten times, where it could not pay for all that contact had made."""
+    half, link, tried = beside(True, 0.02), open_link("direct"), []
+    state, _ = half.start(inputs_of(half), 0.0, link)
+
+    def counted(*given, **more):
+        tried.append(1)
+        return with_its_energy(*given, **more)
+
+    monkeypatch.setattr(advance, "with_its_energy", counted)
+    done(half.step(owing(state, 1e3), inputs_of(half), 0.0, 1e-4, link))
+    link.close()
+    assert len(tried) == 1
