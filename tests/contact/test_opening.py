@@ -67,3 +67,22 @@ def test_stiffness_where_surfaces_part(mu: float, axisymmetric: bool, rounded: b
     assert 0 < reply.n_touching < cut(register, x).values.shape[0]
     K, B = differences(register, x, 1e-7, before), dense(reply, len(x))
     assert abs(B - K).max() <= 1e-7 * abs(K).max()
+
+
+@pytest.mark.parametrize("depth", [-1e-6, 3e-6, 1e-5, 1e-4])
+@pytest.mark.parametrize("turn", [0.0, 0.3, -0.45])
+def test_the_crown_of_a_round_surface_is_met_as_soon_as_it_is_in(depth: float, turn: float) -> None:
+    """A disc of radius 1 with edges of 0.05 rad, turned by so much of an edge, above a flat: both ends of the edge in
+    the middle are 0.3 mm above it, or less.  Force 4/3 eps depth (2 depth)^(1/2), of a parabola; derivative exact.
+    """
+    a = 1.5 * np.pi + 0.05 * (np.arange(-2.5, 3.0) + turn)
+    disc = np.column_stack([np.cos(a), np.sin(a) + 1.0 - depth])
+    register, x = scene(disc, np.column_stack([np.linspace(0.35, -0.25, 4), np.zeros(4)]))
+    register = smooth(register, x)
+    reply = push(register, x)
+    assert (reply.n_touching > 0) == (depth > 0.0)
+    found = reply.force[:6].sum(axis=0)
+    assert found[1] == pytest.approx(4.0 / 3.0 * EPS * max(depth, 0.0) * np.sqrt(2.0 * max(depth, 0.0)), rel=0.03)
+    if depth > 0.0:
+        K, B = differences(register, x, 1e-3 * depth), dense(reply, len(x))
+        assert abs(B - K).max() <= 1e-5 * abs(K).max()
