@@ -20,7 +20,7 @@ from contact.quadrature import GAUSS
 Flags = NDArray[np.bool_]
 
 NODES = 6
-# A cut that moves with the edge, and one where the gap is 0 (contact.search.opening); else the node whose foot it is.
+# A cut that moves with the edge, and one where the gap is 0 (contact.search.openings); else the node whose foot it is.
 FIXED, OPENS = -1, -2
 # Columns of a point's constants: multipliers at the slave's nodes [Pa], penalties [Pa/m], friction [1], the
 # shear if it sticks with its derivatives by xi and eta [Pa], what is added to the gap at the slave's nodes [m], and
