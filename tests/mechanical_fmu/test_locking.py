@@ -118,3 +118,19 @@ def test_it_does_so_beside_a_rigid_body():
         _, told = done(half.step(state, inputs_of(half, 300.0), 0.0, 1.0, NoLink()))
         missed.append(told["mesh.missed.block"])
     assert missed[1] == pytest.approx(missed[0], rel=1e-9)
+
+
+def test_a_cell_turned_in_elsewhere_does_not_end_it():
+    """A quad may hold with a corner turned in: a run ended in a traceback."""
+    line = np.linspace(0.0, 1.0, 5)
+    alone = block(line, line, "triangles")
+    nodes, cells, _ = rectangle(np.array([3.0, 4.0]), np.array([0.0, 1.0]), first=len(alone.nodes))
+    both = replace(alone, nodes=np.concatenate([alone.nodes, nodes]), quads=cells.astype(np.int32),
+                   quad_body=np.ones(len(cells), np.int32), bodies=("block", "die"), materials=("m", "m"))
+    volume = volume_of(both, PLANE["mean dilatation"])
+    moduli, jumps = moduli_of(volume, Stuff(E, 0.4999)), [np.ones(c.weight.shape) for c in volume.kinds]
+    turned, free = both.nodes.copy(), np.repeat((both.nodes[:, 1] > 0.0).astype(float), 2)
+    turned[-1] = [2.0, -1.0]
+    told = [locked_energy(both, x, free, volume.kinds, jumps, moduli) for x in (both.nodes, turned)]
+    assert told[0][0] > 0.0
+    assert told[1] == pytest.approx(told[0])
