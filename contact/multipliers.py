@@ -36,7 +36,7 @@ from contact.piece import (
 from contact.quadrature import GAUSS
 from contact.surfaces import RegisteredSurfaces, frame_of
 from contact.tied import bonds_at, tied_couplings, ties_of
-from contact.traction import evaluated, opened, piece_cuts, piece_nodes, shares_normal
+from contact.traction import evaluated, piece_cuts, piece_nodes, shares_normal
 
 # The nodes of a piece that have a multiplier or an equation R: those of its two edges.
 ENDS = (0, 1, 4, 5)
@@ -116,8 +116,7 @@ def coupled_pieces(x: Floats, edges: Ints, previous: Ints, following: Ints, met:
             other = previous[e] if k == 0 else following[e]
             smooth[k] = other >= 0 and shares_normal(normal, e, other)
         nodal = by_node[i] == 1
-        piece_cuts(frame_of(x, edges, normal, e), here, values[i, 0], values[i + 1, 0], nodal, ends, moves)
-        opened(here, normal[e, 1:], nodal, values, c, i, ends, moves)
+        piece_cuts(frame_of(x, edges, normal, e), x, edges, m, here, values, c, i, nodal, ends, moves)
         of_pair[b] = at[i]
         couple_piece(here, normal[e, 1:], smooth, nodal, axisymmetric, moves, ends, values, c, doing, p_N, i,
                      multipliers, at[i], scratch, out[b])

@@ -92,18 +92,6 @@ def cut_change(x: Floats, n: Floats, d_phi: Floats, node: int, xi: float, d_cut:
 
 
 @kernel
-def met_at(x: Floats, nx: float, ny: float, xi: float, gap: float, c: Floats, q: int) -> tuple[float, float]:
-    """Return eta [1] of what xi of the slave's edge faces along n, and the length of the ray [m]; gap [m] there.
-
-    x : (6, 2) [m].  c : (n_p, N_CONSTANTS), of which row q is a point of the piece.
-    """
-    px, py = x[0, 0] + xi * (x[1, 0] - x[0, 0]) - x[4, 0], x[0, 1] + xi * (x[1, 1] - x[0, 1]) - x[4, 1]
-    ex, ey = x[5, 0] - x[4, 0], x[5, 1] - x[4, 1]
-    eta = (px * ny - py * nx) / (ex * ny - ey * nx)
-    return eta, ray_length(c, q, gap, xi, eta)
-
-
-@kernel
 def opening_change(x: Floats, n: Floats, d_phi: Floats, xi: float, c: Floats, q: int, d_cut: Floats) -> None:
     """Fill d_cut : (12,) [1/m] of the slave coordinate xi at which the gap is 0.
 
@@ -112,7 +100,8 @@ def opening_change(x: Floats, n: Floats, d_phi: Floats, xi: float, c: Floats, q:
     nx, ny, by_0, by_1, by_xi = field_normal(n, xi)
     sx, sy, ex, ey = x[1, 0] - x[0, 0], x[1, 1] - x[0, 1], x[5, 0] - x[4, 0], x[5, 1] - x[4, 1]
     cross = nx * ey - ny * ex
-    eta, g = met_at(x, nx, ny, xi, 0.0, c, q)
+    eta = ((x[4, 0] - x[0, 0] - xi * sx) * ny - (x[4, 1] - x[0, 1] - xi * sy) * nx) / cross
+    g = ray_length(c, q, 0.0, xi, eta)
     # P + g n = M(eta), as in add_point: first by xi, then by each coordinate with xi as it is.
     wx, wy = sx - g * by_xi * ny, sy + g * by_xi * nx
     by_edge = (wy * ex - wx * ey) / cross + c[q, OFFSET_2] - c[q, OFFSET_1]

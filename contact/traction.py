@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from contact.arcs import feet
 from contact.compiled import kernel
+from contact.faced import ray
 from contact.facing import Cut, cut_surfaces, shapes_of
 from contact.messages import ContactState, Floats, Ints, Traction, Tractions
 from contact.nodal import at_slivers, nodal_means, on_masters, touching_means
@@ -42,9 +43,8 @@ from contact.piece import (
     TRIAL,
     TRIAL_ETA,
     TRIAL_XI,
-    field_normal,
-    met_at,
     piece_stiffness,
+    ray_length,
 )
 from contact.quadrature import GAUSS
 from contact.shear_history import ShearHistory, checked_history, noted, remembered
@@ -371,8 +371,7 @@ def pieces(x: Floats, edges: Ints, previous: Ints, following: Ints, met: Ints, v
             other = previous[e] if k == 0 else following[e]
             smooth[k] = other >= 0 and shares_normal(normal, e, other)
         nodal = by_node[i] == 1
-        piece_cuts(frame_of(x, edges, normal, e), here, values[i, 0], values[i + 1, 0], nodal, ends, moves)
-        opened(here, normal[e, 1:], nodal, values, c, i, ends, moves)
+        piece_cuts(frame_of(x, edges, normal, e), x, edges, m, here, values, c, i, nodal, ends, moves)
         piece_stiffness(here, normal[e, 1:], smooth, nodal, axisymmetric, moves, ends, values, c, doing, i,
                         scratch, forces[b], blocks[b])
         b += 1
@@ -403,12 +402,15 @@ def piece_nodes(edges: Ints, previous: Ints, following: Ints, e: int, m: int, no
 
 
 @kernel
-def piece_cuts(frame: Frame, here: Floats, xi_1: float, xi_2: float, nodal: bool, ends: Floats, moves: Floats) -> None:
-    """Fill the cuts of the piece whose Gauss points are xi_1, xi_2, and the node each of them follows.
+def piece_cuts(frame: Frame, x: Floats, edges: Ints, m: int, here: Floats, values: Floats, c: Floats, i: int,
+               nodal: bool, ends: Floats, moves: Floats) -> None:
+    """Fill the cuts of the piece whose Gauss points are in rows i and i + 1, and what each of them follows.
 
-    nodal : xi_1, xi_2 are the cuts, of a part of half an edge (contact.quadrature.place_node).
-    here : (6, 2) coordinates of its nodes [m].  ends : (2,) cuts [1], out.  moves : (2,) nodes or FIXED [1], out.
+    x : (n_s, 2) [m].  edges : (n_edges, 2).  m : the master's edge.  here : (6, 2) coordinates of its nodes [m].
+    values : (n_p, 5).  c : (n_p, N_CONSTANTS).  nodal : the points are the cuts, of a part of half an edge
+    (contact.quadrature.place_node).  ends : (2,) cuts [1], out.  moves : (2,) nodes, FIXED or OPENS [1], out.
     """
+    xi_1, xi_2 = values[i, 0], values[i + 1, 0]
     half = 0.5 * (xi_2 - xi_1) / (2.0 * GAUSS)
     ends[0], ends[1] = (xi_1, xi_2) if nodal else (0.5 * (xi_1 + xi_2) - half, 0.5 * (xi_1 + xi_2) + half)
     moves[:] = FIXED
@@ -421,24 +423,9 @@ def piece_cuts(frame: Frame, here: Floats, xi_1: float, xi_2: float, nodal: bool
             if abs(first - ends[k]) <= CUT_MATCH or abs(second - ends[k]) <= CUT_MATCH:
                 # fault: cuts do not move with the other side's nodes -> moves[k] = FIXED | contact/test_traction
                 moves[k] = node
-
-
-@kernel
-def opened(here: Floats, n: Floats, nodal: bool, values: Floats, c: Floats, i: int, ends: Floats,
-           moves: Floats) -> None:
-    """Note in moves : (2,) which cuts of a piece, ends : (2,) [1], are where its gap is 0.
-
-    here : (6, 2) [m].  n : (2, 2) [1].  values : (n_p, 5), c : (n_p, N_CONSTANTS), its points in rows i and i + 1.
-    """
-    if nodal:
-        return
-    for k in range(2):
-        if int(moves[k]) != FIXED or min(ends[k], 1.0 - ends[k]) <= CUT_MATCH:
-            continue
-        nx, ny, _, _, _ = field_normal(n, ends[k])
-        # With the gap taken for 0 the ray ends on the master's edge.
-        eta, g = met_at(here, nx, ny, ends[k], 0.0, c, i)
-        x = here[0, 0] + ends[k] * (here[1, 0] - here[0, 0]) + g * nx - here[4, 0] - eta * (here[5, 0] - here[4, 0])
-        y = here[0, 1] + ends[k] * (here[1, 1] - here[0, 1]) + g * ny - here[4, 1] - eta * (here[5, 1] - here[4, 1])
-        if np.sqrt(x * x + y * y) <= ZERO_GAP * max(abs(values[i, 2]), abs(values[i + 1, 2])):
-            moves[k] = OPENS
+        if not nodal and int(moves[k]) == FIXED:
+            # With a gap of 0 the ray ends on the master's edge.
+            eta, g, _ = ray(frame, ends[k], x, edges, m)
+            if (abs(g - ray_length(c, i, 0.0, ends[k], eta))
+                    <= ZERO_GAP * max(abs(values[i, 2]), abs(values[i + 1, 2]))):
+                moves[k] = OPENS

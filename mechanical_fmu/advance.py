@@ -360,6 +360,7 @@ def _piece(system: System, task: Task, begin: Departure, span: tuple[float, floa
 
 
 def way_of(found: ForceBalance) -> Floats:
+    """Return how far slave nodes slipped, (n_q,) [m], (0,) without contact."""
     # fault: slip to and fro goes for none -> return np.empty(0) if found.tractions is None else found.tractions.slip |
     #   mechanical_fmu/test_slip_path
     return np.empty(0) if found.tractions is None else np.abs(found.tractions.slip)

@@ -28,7 +28,6 @@ from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import csr_matrix
 
 from mechanical_fmu.dynamics import BodyMotion, Rubbing
 from mechanical_fmu.groups import Groups, alone, groups_of
@@ -68,9 +67,8 @@ def brought_to_rest(system: System, after: BodyMotion, found: ForceBalance,
     rubs = rubbing_pairs(system, found, loading)
     after = _seen(after, rubs) if here.all() else after
     stopped = _stopped(after, rubs, loading.step.dt)
-    contact, none = ContactStiffness(system, found, loading), np.zeros(tractions.t_N.size)
-    across = contact.stiffness(none)
-    lying = _lying(groups, after, loading, across, here)
+    contact = ContactStiffness(system, found, loading)
+    lying = _lying(groups, after, contact, here)
     if stopped is None and not lying.any():
         return after, np.empty(0)
     answer = answer_of(contact, stopped)
@@ -82,14 +80,14 @@ def brought_to_rest(system: System, after: BodyMotion, found: ForceBalance,
         rest, heat = _laid(after, only, answer if as_before else answer_of(only, stopped), groups.rows(lie))
     if stopped is None:
         return rest, heat
-    rest, more = _held_up(rest, found, stopped, answer, csr_matrix(contact.stiffness(none, 1.0) - across))
+    rest, more = _held_up(rest, contact, stopped, answer)
     return rest, heat + more if heat.size and more.size else (heat if heat.size else more)
 
 
-def _lying(groups: Groups, after: BodyMotion, loading: Loading, across: csr_matrix, here: Flags) -> Flags:
+def _lying(groups: Groups, after: BodyMotion, contact: ContactStiffness, here: Flags) -> Flags:
     """Say, (n_bodies,), which lie on what they touch: they would be back within a step, if contact threw them.
 
-    across : (n, n) [N/m] stiffness of contact without friction, of bodies that are here : (n_bodies,).
+    contact : of bodies that are here : (n_bodies,).
     """
     system, none = groups.system, np.zeros_like(here)
     # What is tied hangs on springs that no body lies on.
@@ -103,14 +101,14 @@ def _lying(groups: Groups, after: BodyMotion, loading: Loading, across: csr_matr
         return force * np.asarray(system.accelerations(force * free)) * moving
 
     others = system.accelerations(-(after.f + after.push).ravel() * free) * moving
-    by = [yields(across @ x) for x in (after.v.ravel(), after.a.ravel(), others)]
+    by = [yields(contact.across @ x) for x in (after.v.ravel(), after.a.ravel(), others)]
     for group in np.unique(groups.label[here & (groups.label >= 0)]):
         bodies = groups.label == group
         rows = groups.rows(bodies)
         v, a, without = (float(rows @ x) for x in by)
         # fault: what lies on a surface hops on it -> lies = False | mechanical_fmu/test_coming_to_rest
         # fault: what bounces loses its energy -> lies = True | mechanical_fmu/test_coming_to_rest
-        lies = without > 0.0 and v <= (0.5 * loading.step.dt)**2 * without and a <= PRESSED * without
+        lies = without > 0.0 and v <= (0.5 * contact.loading.step.dt)**2 * without and a <= PRESSED * without
         lying |= bodies & lies
     return lying
 
@@ -144,18 +142,15 @@ def _laid(after: BodyMotion, contact: ContactStiffness, answer: Answer, rows: Fl
     return rest, _spread(found, answer.rubs[None], np.ones(1), lost)
 
 
-def _held_up(after: BodyMotion, found: ForceBalance, stopped: RubbingPairs, answer: Answer,
-             springs: csr_matrix) -> tuple[BodyMotion, Floats]:
+def _held_up(after: BodyMotion, contact: ContactStiffness, stopped: RubbingPairs,
+             answer: Answer) -> tuple[BodyMotion, Floats]:
     """The motion of what sticks, or slips back, and the heat (n_q,) [J] of the speed along its friction.
 
-    springs : (n, n) [N/m] of sticking.  Of pairs whose swing on them steps resolve nothing is taken.
+    Of pairs whose swing on the springs of sticking steps resolve nothing is taken.
     """
     ways = np.array([answer.solve(push) for push in stopped.push])
     gives = stopped.push @ ways.T
-    stiff = np.array([p @ (springs @ p) / (p @ p) ** 2 for p in stopped.push])
-    # fault: what swings on the spring of sticking is stopped -> pairs = np.flatnonzero(np.diag(gives) * stiff > 1e-9) |
-    #   mechanical_fmu/test_stick_slip
-    pairs = np.flatnonzero(np.diag(gives) * stiff >= 1.0)
+    pairs = np.flatnonzero(contact.unresolved(stopped.push, np.diag(gives)))
     if not pairs.size:
         return after, np.empty(0)
     push, ways, gives, held = stopped.push[pairs], ways[pairs], gives[np.ix_(pairs, pairs)], stopped.share[pairs]
@@ -174,7 +169,7 @@ def _held_up(after: BodyMotion, found: ForceBalance, stopped: RubbingPairs, answ
     # fault: what comes to rest makes no heat -> lost = 0.0 | mechanical_fmu/test_groups
     lost = 0.5 * float(slip @ np.linalg.solve(gives, slip)) / scale
     here = stopped.nodes[pairs]
-    return replace(rest, rubbing=_rubbing(after.rubbing, here, share)), _spread(found, here, push @ v, lost)
+    return replace(rest, rubbing=_rubbing(after.rubbing, here, share)), _spread(contact.found, here, slip, lost)
 
 
 def _seen(after: BodyMotion, rubs: RubbingPairs | None) -> BodyMotion:

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from scipy.sparse import csr_matrix
 from scipy.sparse.csgraph import connected_components
 
+from contact.half.interface import Interface
 from contact.messages import Tractions
 from mechanical_fmu.dynamics import BodyMotion
 from mechanical_fmu.system import ForceBalance, Loading, System
@@ -62,15 +63,13 @@ def groups_of(system: System, tractions: Tractions, before: Floats | None = None
 
     before : (n, 2) [N] contact forces at the start of a step in which bodies may have parted: these touch, too.
     """
-    bodies, touches = system.interface.bodies, tractions.t_N != 0.0
-    joined = np.zeros((len(bodies), len(bodies)))
-    groups = Groups(system, np.zeros(len(bodies), dtype=np.intp))
-    moves, touched = (np.zeros(len(bodies) + 1, dtype=np.bool_) for _ in range(2))
+    n, touches = len(system.interface.bodies), tractions.t_N != 0.0
+    joined, groups = np.zeros((n, n)), Groups(system, np.zeros(n, dtype=np.intp))
+    moves, touched = (np.zeros(n + 1, dtype=np.bool_) for _ in range(2))
     moves[groups.body_of[(system.moving.reshape(-1, 2) > 0.0).any(axis=1)]] = True
     if before is not None:
         touched[groups.body_of[(before != 0.0).any(axis=1)]] = True
-    for pair in system.interface.pairs:
-        a, b = (bodies.index(surface.partition(".")[0]) for surface in (pair.slave, pair.master))
+    for pair, (a, b) in zip(system.interface.pairs, _bodies_of(system.interface), strict=True):
         # fault: a floor ties together what lies on it -> met = True | mechanical_fmu/test_groups
         met = moves[a] and moves[b]
         joined[a, b] = met and (pair.tied or touches[system.contact.on_slaves([pair.name])].any()
@@ -87,9 +86,7 @@ def alone(groups: Groups, found: ForceBalance, loading: Loading, here: Flags) ->
     assert tractions is not None
     assert query is not None
     interface, pair_nodes = system.interface, system.contact.pair_nodes
-    with_pair = np.array([all(here[interface.bodies.index(surface.partition(".")[0])]
-                              for surface in (pair.slave, pair.master)) for pair in interface.pairs])
-    kept = with_pair[pair_nodes.pair]
+    kept = np.array([here[a] and here[b] for a, b in _bodies_of(interface)])[pair_nodes.pair]
     only = replace(tractions, t_N=np.where(kept, tractions.t_N, 0.0), n_touching=int((tractions.t_N[kept] < 0.0).sum()),
                    mobilised=np.where(kept, tractions.mobilised, 0.0), slipping=np.where(kept, tractions.slipping, 0.0))
     reach = max(pair.gap_max for pair in interface.pairs)
@@ -97,3 +94,9 @@ def alone(groups: Groups, found: ForceBalance, loading: Loading, here: Flags) ->
     away = np.zeros_like(interface.nodes)
     away[:, 1] = np.where(np.append(here, True)[groups.body_of], 0.0, far)
     return replace(found, tractions=only), replace(loading, query=replace(query, away=away))
+
+
+def _bodies_of(interface: Interface) -> list[tuple[int, int]]:
+    """The bodies of each pair: its slave's, and its master's."""
+    at = interface.bodies.index
+    return [(at(pair.slave.partition(".")[0]), at(pair.master.partition(".")[0])) for pair in interface.pairs]

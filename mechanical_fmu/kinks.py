@@ -64,7 +64,7 @@ def behind_kink(system: System, motion: BodyMotion, dv: Floats, loading: Loading
     a[system.constraints.fixed] = 0.0
     slip = pairs.push @ (motion.v.ravel() + change)
     # fault: friction behind a kink is that of before -> share = held | mechanical_fmu/test_kinks
-    share = np.where(turned & _slips_at_once(contact, pairs, np.diag(gives) / answer.scale), -np.sign(slip), held)
+    share = np.where(turned & contact.unresolved(pairs.push, np.diag(gives) / answer.scale), -np.sign(slip), held)
     brakes = -np.sign(slip) * (pairs.push @ a + gives @ (share - held))
     after = np.divide(np.abs(slip), brakes * dt, out=np.full(slip.size, np.inf), where=brakes > 0.0)
     share = np.where(after < BRIEF, held, share)
@@ -95,16 +95,6 @@ def _shares(system: System, motion: BodyMotion, found: ForceBalance, loading: Lo
     rows = system.moving if loading.query.away.size else np.ones(system.moving.size)
     share, *_ = np.linalg.lstsq((pairs.push * rows).T, friction.ravel() * rows, rcond=None)
     return np.clip(share, -1.0, 1.0)
-
-
-def _slips_at_once(contact: ContactStiffness, pairs: RubbingPairs, gives: Floats) -> Flags:
-    """Whether pairs slip at once: steps do not resolve their swing on the springs by which surfaces stick.
-
-    gives : (k,) [N m] what each does along its push in the step.
-    """
-    none = np.zeros(pairs.nodes.shape[1])
-    springs = contact.stiffness(none, 1.0) - contact.stiffness(none)
-    return np.asarray(gives * [p @ (springs @ p) / (p @ p) ** 2 for p in pairs.push] >= 1.0)
 
 
 def _rubbing(system: System, before: Rubbing, nodes: Flags) -> Rubbing:

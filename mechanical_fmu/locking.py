@@ -55,7 +55,7 @@ def locked_energy(interface: Interface, x: Floats, free: Floats, kinds: Sequence
     try:
         kinds_now = cells_of(replace(interface, nodes=np.ascontiguousarray(x)))
     except ValueError:
-        # A quad may hold with a corner turned in; where bodies were drawn is then near enough for what triangles miss.
+        # A quad may hold with a corner turned in: then all are looked at where they were drawn.
         kinds_now = cells_of(interface)
     volume = DeformableMesh(kinds_now, n)
     mu, jump = np.zeros(n_cells), np.zeros(n_cells)

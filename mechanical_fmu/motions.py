@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
+from contact.half.functions import Signal
 from contact.half.model import Values
 from contact.half.prescribed import Turn
 from mechanical_fmu.loads import driven, driven_slope
@@ -52,30 +53,29 @@ class Motions:
 
     def levels(self, t: float, side: int, inputs: Values) -> Floats:
         """Compute (n_levels,), numbers in m and rad, at time t [s], from the given side of a jump."""
-        numbers: list[float] = []
-        for d, length in zip(self.displacements, self.scale, strict=True):
-            if _is_plain(d):
-                numbers.append(driven(d.value.terms[0].t, d.name, t, side, inputs) * length)
-            else:
-                factor, shift = (1.0, 0.0) if not d.name else (float(inputs[f"load.{d.name}"]),
-                                                               float(inputs[f"bc.{d.name}"]))
-                numbers += [s.at(t, side) * factor for s in d.value.signals]
-                numbers.append(shift)
-            if d.turn is not None:
-                numbers.append(driven(d.turn.angle, d.turn.name, t, side, inputs))
-        return np.array([*numbers, 0.0])
+        return self._by_signal(driven, Signal.at, 1.0, t, side, inputs)
 
     def slopes(self, t: float, side: int, inputs: Values) -> Floats:
         """Compute (n_levels,) slopes of the levels, m/s and rad/s, at time t [s], before or behind a kink."""
+        return self._by_signal(driven_slope, Signal.slope, 0.0, t, side, inputs)
+
+    def _by_signal(self, whole: Callable[[Signal, str, float, int, Values], float],
+                   of: Callable[[Signal, float, int], float], shifts: float, t: float, side: int,
+                   inputs: Values) -> Floats:
+        """What is asked of all signals, whole : with factor and shift of their condition, of : alone.
+
+        shifts : the share of a shift that counts in it, 1 or 0.
+        """
         numbers: list[float] = []
         for d, length in zip(self.displacements, self.scale, strict=True):
             if _is_plain(d):
-                numbers.append(driven_slope(d.value.terms[0].t, d.name, t, side, inputs) * length)
+                numbers.append(whole(d.value.terms[0].t, d.name, t, side, inputs) * length)
             else:
-                factor = float(inputs[f"load.{d.name}"]) if d.name else 1.0
-                numbers += [*(s.slope(t, side) * factor for s in d.value.signals), 0.0]
+                factor, shift = (1.0, 0.0) if not d.name else (float(inputs[f"load.{d.name}"]),
+                                                               float(inputs[f"bc.{d.name}"]))
+                numbers += [*(of(s, t, side) * factor for s in d.value.signals), shifts * shift]
             if d.turn is not None:
-                numbers.append(driven_slope(d.turn.angle, d.turn.name, t, side, inputs))
+                numbers.append(whole(d.turn.angle, d.turn.name, t, side, inputs))
         return np.array([*numbers, 0.0])
 
     def target(self, levels: Floats) -> Floats:

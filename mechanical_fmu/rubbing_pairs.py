@@ -24,7 +24,7 @@ FREE = 1e-60  # of the stiffness by which surfaces stick: none
 
 @dataclass(frozen=True)
 class RubbingPairs:
-    """Pairs with friction that touch at the end of a step.
+    """Pairs with friction that touch at an end of a step.
 
     nodes : (k, n_q) pair nodes of each that touch.  push : (k, n) [N] friction of each at Coulomb's bound, all one way.
     share : (k,) [1] of that it has.  sticks : (k,) whether no point of it slips.
@@ -42,7 +42,7 @@ class RubbingPairs:
 
 @dataclass(frozen=True)
 class ContactStiffness:
-    """Contact at the end of a step, found : the balance there, under loading."""
+    """Contact at an end of a step, found : the balance there, under loading."""
 
     system: System
     found: ForceBalance
@@ -53,6 +53,31 @@ class ContactStiffness:
         """All stiffness (n, n) [N/m] but that of contact."""
         free = replace(self.loading, query=None)
         return stiffness(self.system, self.system.balance(self.found.u, free, tangent=True), free)
+
+    @cached_property
+    def across(self) -> csr_matrix:
+        """That of contact without friction, (n, n) [N/m]."""
+        return self.stiffness(self._none)
+
+    @cached_property
+    def springs(self) -> csr_matrix:
+        """That by which surfaces stick, (n, n) [N/m]."""
+        return csr_matrix(self.stiffness(self._none, 1.0) - self.across)
+
+    @property
+    def _none(self) -> Floats:
+        assert self.found.tractions is not None
+        return np.zeros(self.found.tractions.t_N.size)
+
+    def unresolved(self, push: Floats, gives: Floats) -> Flags:
+        """Say, (k,), whether a step resolves no swing of pairs on the springs by which they stick.
+
+        push : (k, n) [N] of each at the bound.  gives : (k,) [N m] what each does along it in the step.
+        """
+        stiff = np.array([p @ (self.springs @ p) / (p @ p) ** 2 for p in push])
+        # fault: what swings on the spring of sticking is stopped -> return np.asarray(gives * stiff > 1e-9) |
+        #   mechanical_fmu/test_stick_slip
+        return np.asarray(gives * stiff >= 1.0)
 
     def stiffness(self, mobilised: Floats, sticking: float = FREE) -> csr_matrix:
         """Return that of contact, (n, n) [N/m].

@@ -47,7 +47,7 @@ from coupler.running.run import run
 from coupler.running.runlog import RunLog
 from coupler.running.setup import plan_of
 from coupler.scenario import Scenario, load_scenario
-from coupler.scenario.kinds import word_of
+from coupler.scenario.kinds import words_of
 from coupler.verify.verdicts import Verify
 
 OutOption = Annotated[Path, typer.Option("--out", "-o", help="Where the results go.")]
@@ -173,7 +173,7 @@ def _noted(s: Scenario, line: ProgressLine, *, quiet: bool) -> Iterator[None]:
 
 
 def _words(s: Scenario) -> str:
-    return f"{word_of('thermal', s.thermal_half)} + {word_of('mechanical', s.mechanical_half)}"
+    return " + ".join(words_of(s.thermal_half, s.mechanical_half).values())
 
 
 def _changed_at(path: Path) -> int | None:

@@ -26,7 +26,7 @@ from coupler.running.pilot import pilot as pilot_run
 from coupler.running.replay import rules_report
 from coupler.running.setup import plan_of
 from coupler.scenario import Scenario
-from coupler.scenario.kinds import word_of
+from coupler.scenario.kinds import words_of
 from coupler.scenario.load import checked_form
 from coupler.scenario.schema import VERSION
 from coupler.scenario.versions import json_schema, migrated, unsaid
@@ -73,7 +73,7 @@ def check_command(scenario: ScenarioFile, sets: SetOption = None, swaps: SwapOpt
     breakpoints = ", ".join(f"{clock.seconds(k):.6g}" for k in sorted(plan.schedule.kinks))
     gaps = gaps_at_start(i)
     pairs = "; ".join(f"{p.name} (slave {p.slave}, master {p.master}{apart(gaps.get(p.name))})" for p in i.pairs)
-    halves = ", ".join(f"{role} {kind}" for role, kind in _halves(s).items())
+    halves = ", ".join(f"{role} {kind}" for role, kind in words_of(s.thermal_half, s.mechanical_half).items())
     # Pairs and sources have theirs too; what a user can forget is the name of a condition.
     named = [n for n, c in s.conditions.items() if c.kind not in ("contact pair", "source")]
     typer.echo(f"{scenario}: valid\n"
@@ -113,7 +113,7 @@ def _facts(s: Scenario, *, pilot: bool) -> dict[str, Any]:
             "nodes": len(i.nodes), "quads": len(i.quads), "triangles": len(i.triangles),
             "pairs": [{"name": p.name, "slave": p.slave, "master": p.master, "gap": gaps.get(p.name)}
                       for p in i.pairs],
-            "halves": _halves(s), "scheme": plan.scheme.value,
+            "halves": words_of(s.thermal_half, s.mechanical_half), "scheme": plan.scheme.value,
             "end": s.coupling.end, "windows": windows,
             "breakpoints": [clock.seconds(k) for k in sorted(plan.schedule.kinks)],
             "probes": {name: probe.unit for name, probe in s.probes.items()}, "conditions": list(s.conditions),
@@ -134,11 +134,6 @@ def apart(gap: tuple[float, float] | None) -> str:
     if least >= 0.0:
         return f", {f'{least:.3g} to ' if most - least > SAME_GAP * most else ''}{most:.3g} m apart"
     return f", {-least:.3g} m into each other to {most:.3g} m apart"
-
-
-def _halves(s: Scenario) -> dict[str, str]:
-    """Role -> the word by which a scenario and `--swap` call its half."""
-    return {"thermal": word_of("thermal", s.thermal_half), "mechanical": word_of("mechanical", s.mechanical_half)}
 
 
 def _units(s: Scenario) -> str:

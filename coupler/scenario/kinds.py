@@ -43,6 +43,11 @@ def word_of(role: str, entry: str) -> str:
     return next((word for table in (OWN, PROGRAMS) for word, own in table[role].items() if own == entry), entry)
 
 
+def words_of(thermal: str, mechanical: str) -> dict[str, str]:
+    """Return role -> the scenario's word for the entry points of both halves."""
+    return {"thermal": word_of("thermal", thermal), "mechanical": word_of("mechanical", mechanical)}
+
+
 def fmu_path(kind: str, folder: Path) -> Path | None:
     """The FMU a half's name is the path of, relative to the scenario's folder; None where it names a kind."""
     return (folder / kind).resolve() if kind.endswith(".fmu") else None
