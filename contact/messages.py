@@ -30,7 +30,8 @@ class Passes:
     of sticking [Pa/m], 0: as eps_N.  mu : Coulomb's coefficient [1].  depth : how deep behind the other surface is
     looked [m], where that is more than an edge's length; None: nowhere.  tied : 1 where the sides are bonded as they
     face each other at Register.x, for good, else 0; None: nowhere.  smooth : 1 where forces see the sides as round as
-    they are at Register.x (contact.rounding), else 0; None: nowhere.
+    they are at Register.x (contact.rounding), else 0; None: nowhere.  parting : 1 where pieces end where the gap is 0,
+    else 0: pairs by their penalty alone, whose pressure ends there; None: nowhere.
     """
 
     pair: Ints
@@ -45,6 +46,7 @@ class Passes:
     depth: Floats | None = None
     tied: Ints | None = None
     smooth: Ints | None = None
+    parting: Ints | None = None
 
 
 @dataclass(frozen=True)

@@ -166,7 +166,7 @@ def openings(x: Floats, edges: Ints, frame: Frame, offset: Floats, bulge: Floats
 @kernel
 def face_pass(x: Floats, edges: Ints, length: Floats, normal: Floats, rise: Rise, ranges: Floats | None, offset: Floats,
               bulge: Floats, first: int, last: int, masters: Ints, gap_max: float, depth: float, axisymmetric: bool,
-              itself: bool, by_node: bool, met_edges: Ints, values: Floats, near: Floats) -> int:
+              itself: bool, by_node: bool, parting: bool, met_edges: Ints, values: Floats, near: Floats) -> int:
     """Search one pass; return how many points there are, which may be more than the capacity.
 
     x : (n_s, 2) [m].  edges : (n_edges, 2).  length : (n_edges,) [m].  normal : (n_edges, 3, 2) [1].
@@ -228,7 +228,7 @@ def face_pass(x: Floats, edges: Ints, length: Floats, normal: Floats, rise: Rise
             if met[i] < 0:
                 continue
             low, first_cut, second_cut = cuts[i], 2.0, 2.0
-            if rise is None:
+            if rise is None and parting:
                 # fault: a corner between two points digs in unseen -> pass | contact/test_opening
                 first_cut, second_cut = openings(x, edges, frame, offset, bulge, e, length[e], met[i], low, cuts[i + 1])
             while low < cuts[i + 1]:
@@ -264,7 +264,8 @@ def pass_points(surfaces: RegisteredSurfaces, x: Floats, length: Floats, normal:
     while True:
         met, values = np.empty((capacity, 2), dtype=np.int32), np.empty((capacity, columns))
         n = face_pass(x, r.edges, length, normal, rise, ranges, surfaces.offsets[i], bulge, first, last, masters,
-                      float(p.gap_max[i]), float(depth[i]), r.axisymmetric, itself, by_node, met, values, near)
+                      float(p.gap_max[i]), float(depth[i]), r.axisymmetric, itself, by_node,
+                      bool(surfaces.parting[i]), met, values, near)
         if n <= capacity:
             if p.weight[i] != 1.0:
                 values[:n, 3:5] *= p.weight[i]

@@ -71,6 +71,12 @@ class RegisteredSurfaces:
         assert self.passes.smooth is not None
         return self.passes.smooth
 
+    @property
+    def parting(self) -> Ints:
+        """Return (n_passes,) 1 where pieces of a pass end where the gap is 0, else 0."""
+        assert self.passes.parting is not None
+        return self.passes.parting
+
 
 def surfaces_of(message: Register) -> RegisteredSurfaces:
     """Check a Register message and build its RegisteredSurfaces.  Raises ValueError saying what is wrong with it."""
@@ -108,6 +114,8 @@ def _canonical(m: Register) -> Register:
         depth=np.zeros(shape) if p.depth is None else checked_reals("passes.depth", p.depth, shape),
         tied=np.zeros(shape, dtype=np.int32) if p.tied is None else _integers("passes.tied", p.tied, shape),
         smooth=np.zeros(shape, dtype=np.int32) if p.smooth is None else _integers("passes.smooth", p.smooth, shape),
+        parting=np.zeros(shape, dtype=np.int32) if p.parting is None else _integers("passes.parting", p.parting,
+                                                                                      shape),
     )
     return Register(
         n_nodes=_count(m.n_nodes),
@@ -178,6 +186,9 @@ def _check_passes(p: Passes, n_surfaces: int) -> None:
             raise ValueError(f"weight of pass {i} must be in (0, 1], got {p.weight[i]}")
         if p.by_node[i] not in (0, 1):
             raise ValueError(f"by_node of pass {i} must be 0 or 1, got {p.by_node[i]}")
+        assert p.parting is not None
+        if p.parting[i] not in (0, 1):
+            raise ValueError(f"parting of pass {i} must be 0 or 1, got {p.parting[i]}")
         for name in ("eps_N", "eps_T", "mu", "depth"):
             if not getattr(p, name)[i] >= 0:
                 raise ValueError(f"{name} of pass {i} must be >= 0, got {getattr(p, name)[i]}")

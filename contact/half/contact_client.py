@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import TypeVar
@@ -58,14 +58,15 @@ class ContactSurfaces:
     service, so it changes no bit of an answer.
     """
 
-    def __init__(self, interface: Interface) -> None:
-        self.interface = interface
+    def __init__(self, interface: Interface, parting: Collection[str] = ()) -> None:
+        """parting : names of pairs that have their penalty alone (contact.messages.Passes)."""
+        self.interface, self.parting = interface, parting
         self._registered_as = ""
 
     @cached_property
     def message(self) -> Register:
         """The message that registers them."""
-        return register_message(self.interface)
+        return register_message(self.interface, self.parting)
 
     @cached_property
     def edges(self) -> Ints:

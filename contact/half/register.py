@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 
 import numpy as np
 
@@ -16,10 +16,11 @@ def surface_names(interface: Interface) -> list[str]:
     return list(dict.fromkeys(name for pair in interface.pairs for name in (pair.slave, pair.master)))
 
 
-def register_message(interface: Interface) -> Register:
+def register_message(interface: Interface, parting: Collection[str] = ()) -> Register:
     """The surfaces of an interface file as the message that registers them.
 
     The edges of one surface are consecutive and keep their order; nodes are indices s into Interface.contact_nodes.
+    parting : names of pairs that have their penalty alone (contact.messages.Passes).
     """
     names = surface_names(interface)
     number = {name: i for i, name in enumerate(names)}
@@ -30,7 +31,7 @@ def register_message(interface: Interface) -> Register:
         edges=np.concatenate([np.empty((0, 2), dtype=np.int32), *edges]).astype(np.int32),
         edge_surface=np.repeat(np.arange(len(names)), [len(e) for e in edges]).astype(np.int32),
         axisymmetric=interface.axisymmetric,
-        passes=passes_of(interface, number),
+        passes=passes_of(interface, number, parting),
         stiffness=np.concatenate([np.empty(0), *(interface.stiffness.get(name, np.zeros(len(e)))
                                                  for name, e in zip(names, edges, strict=True))]),
         offset=interface.gap_offset,
@@ -38,8 +39,11 @@ def register_message(interface: Interface) -> Register:
     )
 
 
-def passes_of(interface: Interface, number: Mapping[str, int]) -> Passes:
-    """How the pairs are searched: once, twice from either side, or a surface from itself; number : of surfaces."""
+def passes_of(interface: Interface, number: Mapping[str, int], parting: Collection[str] = ()) -> Passes:
+    """How the pairs are searched: once, twice from either side, or a surface from itself; number : of surfaces.
+
+    parting : as of register_message.
+    """
     rows = []
     for i, pair in enumerate(interface.pairs):
         slave, master = number[pair.slave], number[pair.master]
@@ -48,12 +52,12 @@ def passes_of(interface: Interface, number: Mapping[str, int]) -> Passes:
         weight = 0.5 if pair.two_pass or slave == master else 1.0
         eps_N = 0.0 if pair.local else pair.eps_N
         rest = (weight, int(pair.by_node), pair.gap_max, eps_N, pair.eps_T or eps_N, pair.mu,
-                search_depth(interface, pair), int(pair.tied), int(pair.smooth))
+                search_depth(interface, pair), int(pair.tied), int(pair.smooth), int(pair.name in parting))
         rows.append((i, slave, master, *rest))
         if pair.two_pass and slave != master:
             rows.append((i, master, slave, *rest))
-    columns = list(zip(*rows, strict=True)) if rows else [()] * 12
-    kinds = [np.int32, np.int32, np.int32, np.float64, np.int32, *[np.float64] * 5, np.int32, np.int32]
+    columns = list(zip(*rows, strict=True)) if rows else [()] * 13
+    kinds = [np.int32, np.int32, np.int32, np.float64, np.int32, *[np.float64] * 5, np.int32, np.int32, np.int32]
     return Passes(*(np.array(column, dtype=kind) for column, kind in zip(columns, kinds, strict=True)))
 
 

@@ -21,7 +21,7 @@ from test_friction_inertia import MASS, MU, RHO, SIDE, V0, G
 BELT = 0.4  # [m/s]
 
 
-def beside(rigid: bool, height: float, mu: float = 0.0, belt: float = 0.0, alone: bool = False):
+def beside(rigid: bool, height: float, mu: float = 0.0, belt: float = 0.0, alone: bool = False, **more: object):
     """A rigid block that slides on a floor, and 0.5 m beside it another body, `height` [m] above."""
     n1, c1, s1 = rectangle(np.linspace(-0.2, 1.0, 25), np.array([-0.02, 0.0]))
     n2, c2, s2 = rectangle(np.linspace(0.0, SIDE, 3), np.linspace(0.0, SIDE, 3), first=len(n1))
@@ -39,7 +39,7 @@ def beside(rigid: bool, height: float, mu: float = 0.0, belt: float = 0.0, alone
     moves = {"t": [0.0, 1.0], "value": [0.0, belt]} if belt else 0.0
     held = [hold("floor", 0, moves), hold("floor", 1), hold("floor", 2)]
     return elastic(interface, held, {"rho": RHO}, tolerance=1e-10, bodies={name: bodies[name] for name in names[:n]},
-                   dynamics={}, gravity={"y": -G})
+                   **{"dynamics": {}, "gravity": {"y": -G}} | more)
 
 
 def went(half, steps):
@@ -111,3 +111,10 @@ def test_no_step_is_cut_for_what_is_owed_of_others(monkeypatch: pytest.MonkeyPat
     done(half.step(owing(state, 1e3), inputs_of(half), 0.0, 1e-4, link))
     link.close()
     assert len(tried) == 1
+
+
+def test_pairs_by_their_penalty_alone_see_corners() -> None:
+    """Where multipliers press, too, the pressure ends elsewhere than the gap."""
+    assert beside(True, 0.0).system.contact.message.passes.parting.tolist() == [1, 1]
+    augmented = beside(False, 0.0, pairs={"q": {"augmented": {}}})
+    assert augmented.system.contact.message.passes.parting.tolist() == [1, 0]

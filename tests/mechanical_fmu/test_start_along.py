@@ -12,7 +12,7 @@ from mechanical_scenes import NO_CELLS, elastic, hold, inputs_of, rectangle
 from contact.half.interface import Interface, Pair
 from contact.rpc.link import open_link
 
-R, THICK, EDGES = 0.05, 2e-4, 40  # m
+R, THICK, EDGES = 0.05, 5e-4, 40  # m
 
 
 def belt_on_a_drum():
