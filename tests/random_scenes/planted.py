@@ -30,8 +30,8 @@ def pairs_otherwise(monkeypatch: pytest.MonkeyPatch, **factors: float) -> None:
     """Let the contact service be told numbers of pairs (eps_N, mu, ...) multiplied by these factors."""
     right = contact.half.contact_client.register_message
 
-    def wrong(interface: Any) -> Any:
+    def wrong(interface: Any, *how: Any) -> Any:
         pairs = tuple(replace(p, **{k: getattr(p, k) * v for k, v in factors.items()}) for p in interface.pairs)
-        return right(replace(interface, pairs=pairs))
+        return right(replace(interface, pairs=pairs), *how)
 
     monkeypatch.setattr(contact.half.contact_client, "register_message", wrong)
