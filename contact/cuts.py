@@ -68,10 +68,28 @@ def cut_edge(x: Floats, edges: Ints, normal: Floats, rise: Rise, frame: Frame, o
 
 
 @inner
+def overlaps(x: Floats, edges: Ints, frame: Frame, offset: Floats, bulge: Floats, e: int, m: int, low: float,
+             high: float, back: float) -> bool:
+    """Return whether one end of piece low..high of a slave edge [1] is inside master edge m, no deeper than back [m].
+
+    The middle of a long tilted edge may be out of reach when its corner has long been in.  x : (n_s, 2) [m].
+    edges : (n_edges, 2).
+    """
+    for k in range(2):
+        xi = low if k == 0 else high
+        xi_m, g, facing = ray(frame, xi, x, edges, m)
+        g += added(offset, bulge, e, xi, m, xi_m)
+        # fault: a corner is in unseen while the middle of its edge is out of reach -> if False: | contact/test_leaning
+        if -CUT_TOLERANCE <= xi_m <= 1.0 + CUT_TOLERANCE and facing < -FACING_COS and -back <= g < 0.0:
+            return True
+    return False
+
+
+@inner
 def meet(x: Floats, edges: Ints, normal: Floats, rise: Rise, frame: Frame, offset: Floats, bulge: Floats, e: int,
          hits: Ints, count: int, cuts: Floats, n_cuts: int, spans: Floats, back: float, ahead: float, met: Ints,
          met_gap: Floats) -> None:
-    """Find the nearest master edge that the middle of each piece of a slave edge faces.
+    """Find the nearest master edge that the middle of each piece of a slave edge faces, or one of its ends overlaps.
 
     x : (n_s, 2) [m].  edges : (n_edges, 2).  normal : (n_edges, 3, 2) [1].  rise : (n_edges,) [m] or None.
     hits : (>= count,).  cuts : (>= n_cuts,) [1].  spans : (>= count, 2) [1].  Fills met : (>= n_cuts - 1,), -1: none,
@@ -96,6 +114,8 @@ def meet(x: Floats, edges: Ints, normal: Floats, rise: Rise, frame: Frame, offse
             # fault: areas not clipped at the master's end -> hit = -0.5 <= xi_m <= 1.5 and facing < -FACING_COS and
             #   -back <= g < ahead | contact/test_facing
             hit = -CUT_TOLERANCE <= xi_m <= 1.0 + CUT_TOLERANCE and facing < -FACING_COS and -back <= g < ahead
+            if rise is None and not hit and g >= ahead and facing < -FACING_COS:
+                hit = overlaps(x, edges, frame, offset, bulge, e, m, cuts[i], cuts[i + 1], back)
             if hit and (met[i] < 0 or nearer(g, m, met_gap[i], met[i], slack)):
                 met[i], met_gap[i] = m, g
             i += 1

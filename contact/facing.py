@@ -8,6 +8,7 @@ import numpy as np
 
 from contact.compiled import kernel
 from contact.faced import Rise
+from contact.leaning import AS_DRAWN, Follows, leaned_normals
 from contact.messages import Facing, Floats, Ints
 from contact.pair_nodes import pair_nodes_at
 from contact.rounding import end_turns, rounding_of, turned_ends
@@ -26,6 +27,7 @@ class Cut:
     at : (n_p, 4) pair nodes, the slave edge's two, then the master edge's two.  shape : (n_p,) which of normals.
     values : (n_p, 5) xi_s, xi_m [1], gap [m], area, area_m [m2]; (n_p, 7) with wide_s, wide_m [1] where mutual.
     normals : (k, n_edges, 3, 2) [1] as from contact.surfaces, then those of Shapes, or contact.rounding where mutual.
+    follows : (k, n_edges, 2) what the normals at the ends of edges turn with, as in contact.leaning.
     node_gap : (n_q,) [m] and node_covered : (n_q,) [1] as in Facing.  The two points of a piece are neighbours.
     """
 
@@ -35,35 +37,52 @@ class Cut:
     shape: Ints
     values: Floats
     normals: Floats
+    follows: Follows
     node_gap: Floats
     node_covered: Floats
 
 
 @dataclass(frozen=True)
 class Shapes:
-    """How forces see edges: row 0 straight, row 1, where a pair is smooth, as round as they are drawn.
+    """How forces see edges: row 0 straight, row 1, where a pair is smooth, as round as they are drawn, and a row for
+    each pass whose corners lean to what they meet.
 
-    of : (n_passes,) the row of each pass.  rise : (k, n_edges) [m] and angle : (k, n_edges, 2) [rad] as in
-    contact.rounding.
+    of : (n_passes,) the row of each pass.  rise : (k, n_edges) [m] and angle : (n_edges, 2) [rad], where a pair is
+    smooth, as in contact.rounding.  leaning : the passes of the last rows.
     """
 
     of: Ints
     rise: Floats
-    angle: Floats
+    angle: Floats | None
+    leaning: Ints
 
-    def normals(self, normal: Floats) -> Floats:
-        """Return the normals (k, n_edges, 3, 2) [1] of edges whose own are normal : (n_edges, 3, 2) [1]."""
-        return normal[None] if len(self.rise) == 1 else np.stack([normal, turned_ends(normal, self.angle[1])])
+    def normals(self, surfaces: RegisteredSurfaces, x: Floats, length: Floats,
+                normal: Floats) -> tuple[Floats, Follows]:
+        """Return the normals (k, n_edges, 3, 2) [1] and what they turn with, (k, n_edges, 2), as in contact.leaning.
+
+        x : (n_s, 2) [m].  length : (n_edges,) [m] and normal : (n_edges, 3, 2) [1] those of the edges.
+        """
+        rows = [normal] if self.angle is None else [normal, turned_ends(normal, self.angle)]
+        follows = np.full((len(self.rise), len(normal), 2), AS_DRAWN, dtype=np.int32)
+        for i in self.leaning:
+            leaned, follows[len(rows)] = leaned_normals(surfaces, x, length, normal, rows[surfaces.smooth[i]], int(i))
+            rows.append(leaned)
+        return rows[0][None] if len(rows) == 1 else np.stack(rows), follows
 
 
 def shapes_of(surfaces: RegisteredSurfaces) -> Shapes:
     """Return how forces see the edges of these surfaces, found once."""
     if "shapes" not in surfaces.found:
-        of, n = surfaces.smooth, len(surfaces.register.edges)
-        rise, angle = np.zeros((1 + int(of.any()), n)), np.zeros((1 + int(of.any()), n, 2))
+        of, p, angle = surfaces.smooth.copy(), surfaces.passes, None
+        rise = [np.zeros(len(surfaces.register.edges))]
         if of.any():
-            rise[1], angle[1] = _drawn(surfaces)
-        surfaces.found["shapes"] = Shapes(of, rise, angle)
+            drawn, angle = _drawn(surfaces)
+            rise.append(drawn)
+        leaning = np.flatnonzero((surfaces.parting == 1) & (surfaces.tied == 0) & (p.slave != p.master))
+        for i in leaning:
+            rise.append(rise[of[i]])
+            of[i] = len(rise) - 1
+        surfaces.found["shapes"] = Shapes(of, np.stack(rise), angle, leaning.astype(np.int32))
     shapes = surfaces.found["shapes"]
     assert isinstance(shapes, Shapes)
     return shapes
@@ -89,7 +108,8 @@ def cut_surfaces(surfaces: RegisteredSurfaces, x: Floats, mutual: bool = False) 
     _check_geometry(surfaces, x, length)
     rise: Rise = None
     shapes = shapes_of(surfaces)
-    normals = normal[None] if mutual else shapes.normals(normal)
+    normals, follows = ((normal[None], np.full((1, len(normal), 2), AS_DRAWN, dtype=np.int32)) if mutual
+                        else shapes.normals(surfaces, x, length, normal))
     if mutual:
         rounding = rounding_of(x, r.edges, surfaces.previous, surfaces.following, r.axisymmetric, length, normal)
         # fault: edges that bend are round to heat -> normals, rise = rounding.normal[None],
@@ -116,7 +136,7 @@ def cut_surfaces(surfaces: RegisteredSurfaces, x: Floats, mutual: bool = False) 
     reach = np.empty(int(passes.pair.max(initial=-1)) + 1)
     reach[passes.pair] = passes.gap_max
     node_gap = np.minimum(node_gap, reach[of.pair])
-    return Cut(number, met, at, row[number], values, normals, node_gap, covered)
+    return Cut(number, met, at, row[number], values, normals, follows, node_gap, covered)
 
 
 def _drawn(surfaces: RegisteredSurfaces) -> tuple[Floats, Floats]:

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from contact.compiled import kernel
+from contact.leaning import Follows, ways_of
 from contact.messages import Coupling, Couplings, Floats, Ints
 from contact.piece import (
     EPS_N,
@@ -26,7 +27,6 @@ from contact.piece import (
     RISE_S,
     SLIPS_BACK,
     SLIPS_FORWARD,
-    Flags,
     add_stretch,
     field_normal,
     frame_change,
@@ -36,7 +36,7 @@ from contact.piece import (
 from contact.quadrature import GAUSS
 from contact.surfaces import RegisteredSurfaces, frame_of
 from contact.tied import bonds_at, tied_couplings, ties_of
-from contact.traction import evaluated, piece_cuts, piece_nodes, shares_normal
+from contact.traction import evaluated, piece_cuts, piece_nodes
 
 # The nodes of a piece that have a multiplier or an equation R: those of its two edges.
 ENDS = (0, 1, 4, 5)
@@ -49,8 +49,9 @@ def coupling(surfaces: RegisteredSurfaces, request: Coupling) -> Couplings:
     multipliers = asked.multipliers
     residual, weight = balances(cut.at, cut.values, points.p_N, multipliers[:surfaces.pair_nodes.size])
     nodes, at, values = coupled_pieces(asked.x, r.edges, surfaces.previous, surfaces.following, cut.met, cut.at,
-                                       cut.values, cut.normals, cut.shape, surfaces.passes.by_node[cut.number],
-                                       r.axisymmetric, points.c, points.doing, points.p_N, multipliers)
+                                       cut.values, cut.normals, cut.follows, cut.shape,
+                                       surfaces.passes.by_node[cut.number], r.axisymmetric, points.c,
+                                       points.doing, points.p_N, multipliers)
     if surfaces.pair_nodes.tied.size:
         ties, n_q = ties_of(surfaces), surfaces.pair_nodes.size
         bonds = bonds_at(surfaces, asked.x, multipliers, cut.values[surfaces.tied[cut.number] == 1, 3])
@@ -82,14 +83,15 @@ def balances(at: Ints, values: Floats, p_N: Floats, multipliers: Floats) -> tupl
 
 @kernel
 def coupled_pieces(x: Floats, edges: Ints, previous: Ints, following: Ints, met: Ints, at: Ints, values: Floats,
-                   normals: Floats, shape: Ints, by_node: Ints, axisymmetric: bool, c: Floats, doing: Floats,
-                   p_N: Floats, multipliers: Floats) -> tuple[Ints, Ints, Floats]:
+                   normals: Floats, follows: Follows, shape: Ints, by_node: Ints, axisymmetric: bool, c: Floats,
+                   doing: Floats, p_N: Floats, multipliers: Floats) -> tuple[Ints, Ints, Floats]:
     """Compute nodes (n_b, 6), ends (n_b, 4), values (n_b, 6, 4, 5) of pieces that touch or have a multiplier.
 
     x : (n_s, 2) [m].  edges : (n_edges, 2).  previous, following : (n_edges,).  met : (n_p, 2) slave and master edge.
-    at : (n_p, 4) pair nodes.  values : (n_p, 5) xi_s, xi_m [1], gap [m], area, area_m [m2].  normals, shape, by_node :
-    as of contact.traction.pieces.  c : (n_p, N_CONSTANTS) [Pa, Pa/m, 1] as in contact.piece.  doing : (n_p,) state [1].
-    p_N : (n_p,) [Pa].  multipliers : (n_q,) [Pa].
+    at : (n_p, 4) pair nodes.  values : (n_p, 5) xi_s, xi_m [1], gap [m], area, area_m [m2].  normals, follows, shape,
+    by_node : as of contact.traction.pieces.  c : (n_p, N_CONSTANTS) [Pa, Pa/m, 1] as in contact.piece.  doing : (n_p,)
+    state [1].  p_N : (n_p,) [Pa].  multipliers : (n_q,) [Pa].  Normals that follow a face have no multipliers: what a
+    turn of the face does is left out.
     """
     n_blocks = 0
     chosen = np.zeros(met.shape[0], dtype=np.bool_)
@@ -101,7 +103,7 @@ def coupled_pieces(x: Floats, edges: Ints, previous: Ints, following: Ints, met:
         n_blocks += chosen[i]
     nodes, out = np.empty((n_blocks, NODES), dtype=np.int32), np.zeros((n_blocks, NODES, len(ENDS), 5))
     of_pair = np.empty((n_blocks, len(ENDS)), dtype=np.int32)
-    here, smooth = np.empty((NODES, 2)), np.empty(2, dtype=np.bool_)
+    here, ways = np.empty((NODES, 2)), np.empty((2, 3))
     ends, moves, scratch = np.empty(2), np.empty(2), np.empty((6, 2 * NODES))
     b = 0
     for i in range(0, met.shape[0], 2):
@@ -112,31 +114,29 @@ def coupled_pieces(x: Floats, edges: Ints, previous: Ints, following: Ints, met:
         for k in range(NODES):
             for d in range(2):
                 here[k, d] = x[nodes[b, k], d]
-        for k in range(2):
-            other = previous[e] if k == 0 else following[e]
-            smooth[k] = other >= 0 and shares_normal(normal, e, other)
+        ways_of(normal, follows[shape[i]], previous, following, e, ways)
         nodal = by_node[i] == 1
         piece_cuts(frame_of(x, edges, normal, e), x, edges, m, here, values, c, i, nodal, ends, moves)
         of_pair[b] = at[i]
-        couple_piece(here, normal[e, 1:], smooth, nodal, axisymmetric, moves, ends, values, c, doing, p_N, i,
+        couple_piece(here, normal[e, 1:], ways, nodal, axisymmetric, moves, ends, values, c, doing, p_N, i,
                      multipliers, at[i], scratch, out[b])
         b += 1
     return nodes, of_pair, out
 
 
 @kernel
-def couple_piece(x: Floats, n: Floats, smooth: Flags, by_node: bool, axisymmetric: bool, moves: Floats, ends: Floats,
+def couple_piece(x: Floats, n: Floats, ways: Floats, by_node: bool, axisymmetric: bool, moves: Floats, ends: Floats,
                  points: Floats, c: Floats, doing: Floats, p_N: Floats, first: int, multipliers: Floats, at: Ints,
                  scratch: Floats, out: Floats) -> None:
     """Add both points of a piece to out : (6, 4, 5) [m2, N/m, m2], the values of Couplings.
 
-    x : (6, 2) [m].  n : (2, 2) [1].  smooth : (2,).  moves : (2,) nodes or FIXED [1].  ends : (2,) cuts [1].
+    x : (6, 2) [m].  n : (2, 2) [1].  ways : (2, 3) [1].  moves : (2,) nodes or FIXED [1].  ends : (2,) cuts [1].
     points : (n_p, >= 4) xi, eta [1], gap [m], area [m2].  c : (n_p, N_CONSTANTS) [Pa, Pa/m, 1].
     doing : (n_p,) state [1].  p_N : (n_p,) [Pa].  multipliers : (n_q,) [Pa].  at : (4,) pair nodes of the edges' ends.
     scratch : (6, 12) [1/m], its last row [m].  Their meaning is that of contact.piece.piece_stiffness.
     """
     d_phi, d_cut, d_xi, d_area = scratch[0:2], scratch[2:4], scratch[4], scratch[5]
-    frame_change(x, n, smooth, moves, ends, c, first, d_phi, d_cut)
+    frame_change(x, n, ways, moves, ends, c, first, d_phi, d_cut)
     for q in range(first, first + 2):
         # fault: multipliers of a node that slid off stay where it was -> along = 0.5 if by_node else (2.0 * (q - first)
         #   - 1.0) * GAUSS | contact/test_nodes_at_ends

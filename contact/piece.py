@@ -1,8 +1,9 @@
 """The forces of one piece of contact and their exact derivative.  Eqs. (17)-(20), and Coulomb's law.
 
 A piece's cuts, normals, gaps and areas all move with its six nodes: 0, 1 of the slave edge, 2 before it, 3 after it
-(they turn the normals), 4, 5 of the master edge.  What is called d_a : (12,) is the derivative of a by their
-coordinates, node by node, x before y.
+(they turn the normals), 4, 5 of the master edge.  What is called d_a : (w,) is the derivative of a by their
+coordinates, node by node, x before y; w = 12, or 14 with that by the turns of the normals at nodes 0 and 1 where these
+follow a face (contact.leaning).
 
 In the plane a unit vector can only turn: n' = phi' t with t = n turned to the left, and the normalised mean of two
 unit vectors turns by the mean of their angles.  That is all the product rules need.
@@ -11,13 +12,10 @@ unit vectors turns by the mean of their angles.  That is all the product rules n
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from contact.compiled import kernel
 from contact.messages import Floats
 from contact.quadrature import GAUSS
-
-Flags = NDArray[np.bool_]
 
 NODES = 6
 # A cut that moves with the edge, and one where the gap is 0 (contact.search.openings); else the node whose foot it is.
@@ -46,20 +44,23 @@ def add_turn(x: Floats, a: int, b: int, weight: float, d_phi: Floats) -> None:
 
 
 @kernel
-def turns(x: Floats, smooth: Flags, d_phi: Floats) -> None:
-    """Fill d_phi : (2, 12) [1/m], how the normals at the slave's two nodes turn.
+def turns(x: Floats, ways: Floats, d_phi: Floats) -> None:
+    """Fill d_phi : (2, w) [1/m], how the normals at the slave's two nodes turn.
 
-    x : (6, 2) [m].  smooth : (2,) whether the neighbouring edge turns them.
+    x : (6, 2) [m].  ways : (2, 3) [1] the shares by which the edge, its neighbour and a face of the master turn them.
     """
     d_phi[:] = 0.0
     for k in range(2):
-        add_turn(x, 0, 1, 0.5 if smooth[k] else 1.0, d_phi[k])
-    if smooth[0]:
-        # fault: normals do not turn with the neighbouring edge -> add_turn(x, 2, 0, 0.0, d_phi[0]) |
-        #   contact/test_traction
-        add_turn(x, 2, 0, 0.5, d_phi[0])
-    if smooth[1]:
-        add_turn(x, 1, 3, 0.5, d_phi[1])
+        if ways[k, 0] != 0.0:
+            add_turn(x, 0, 1, ways[k, 0], d_phi[k])
+        if ways[k, 1] != 0.0:
+            # fault: normals do not turn with the neighbouring edge -> add_turn(x, 2 if k == 0 else 1, 0 if k == 0 else
+            #   3, 0.0, d_phi[k]) | contact/test_traction
+            add_turn(x, 2 if k == 0 else 1, 0 if k == 0 else 3, ways[k, 1], d_phi[k])
+        if d_phi.shape[1] > 2 * NODES:
+            # fault: the normal of a corner does not turn with the face -> d_phi[k, 2 * NODES + k] = 0.0 |
+            #   contact/test_leaning
+            d_phi[k, 2 * NODES + k] = ways[k, 2]
 
 
 @kernel
@@ -75,15 +76,15 @@ def field_normal(n: Floats, xi: float) -> tuple[float, float, float, float, floa
 
 @kernel
 def cut_change(x: Floats, n: Floats, d_phi: Floats, node: int, xi: float, d_cut: Floats) -> None:
-    """Fill d_cut : (12,) [1/m] of the slave coordinate xi whose ray passes through `node`.
+    """Fill d_cut : (w,) [1/m] of the slave coordinate xi whose ray passes through `node`.
 
-    It solves (x_node - x(xi)) x n(xi) = 0.  x : (6, 2) [m].  n : (2, 2) [1].  d_phi : (2, 12) [1/m].
+    It solves (x_node - x(xi)) x n(xi) = 0.  x : (6, 2) [m].  n : (2, 2) [1].  d_phi : (2, w) [1/m].
     """
     nx, ny, by_0, by_1, by_xi = field_normal(n, xi)
     ex, ey = x[1, 0] - x[0, 0], x[1, 1] - x[0, 1]
     g = (x[node, 0] - x[0, 0] - xi * ex) * nx + (x[node, 1] - x[0, 1] - xi * ey) * ny
     scale = 1.0 / (ex * ny - ey * nx - g * by_xi)
-    for j in range(2 * NODES):
+    for j in range(d_cut.size):
         d_cut[j] = scale * g * (by_0 * d_phi[0, j] + by_1 * d_phi[1, j])
     for k in range(3):
         i, weight = (node, 1.0) if k == 2 else (k, -xi if k == 1 else xi - 1.0)
@@ -93,9 +94,9 @@ def cut_change(x: Floats, n: Floats, d_phi: Floats, node: int, xi: float, d_cut:
 
 @kernel
 def opening_change(x: Floats, n: Floats, d_phi: Floats, xi: float, c: Floats, q: int, d_cut: Floats) -> None:
-    """Fill d_cut : (12,) [1/m] of the slave coordinate xi at which the gap is 0.
+    """Fill d_cut : (w,) [1/m] of the slave coordinate xi at which the gap is 0.
 
-    x : (6, 2) [m].  n : (2, 2) [1].  d_phi : (2, 12) [1/m].  c : (n_p, N_CONSTANTS), q : a point of the piece.
+    x : (6, 2) [m].  n : (2, 2) [1].  d_phi : (2, w) [1/m].  c : (n_p, N_CONSTANTS), q : a point of the piece.
     """
     nx, ny, by_0, by_1, by_xi = field_normal(n, xi)
     sx, sy, ex, ey = x[1, 0] - x[0, 0], x[1, 1] - x[0, 1], x[5, 0] - x[4, 0], x[5, 1] - x[4, 1]
@@ -106,10 +107,10 @@ def opening_change(x: Floats, n: Floats, d_phi: Floats, xi: float, c: Floats, q:
     wx, wy = sx - g * by_xi * ny, sy + g * by_xi * nx
     by_edge = (wy * ex - wx * ey) / cross + c[q, OFFSET_2] - c[q, OFFSET_1]
     by_edge += rounding_change(c, q, xi, eta, 1.0, (wy * nx - wx * ny) / cross)
-    for j in range(2 * NODES):
+    for j in range(d_cut.size):
         i, along_x, along_y = j // 2, 1.0 - j % 2, float(j % 2)
         own = (1.0 - xi if i == 0 else xi) if i < 2 else 0.0
-        other = (1.0 - eta if i == 4 else eta) if i >= 4 else 0.0
+        other = (1.0 - eta if i == 4 else eta) if 4 <= i < NODES else 0.0
         turn = by_0 * d_phi[0, j] + by_1 * d_phi[1, j]
         wx, wy = (own - other) * along_x - g * turn * ny, (own - other) * along_y + g * turn * nx
         d_gap = (wy * ex - wx * ey) / cross + rounding_change(c, q, xi, eta, 0.0, (wy * nx - wx * ny) / cross)
@@ -118,14 +119,14 @@ def opening_change(x: Floats, n: Floats, d_phi: Floats, xi: float, c: Floats, q:
 
 
 @kernel
-def frame_change(x: Floats, n: Floats, smooth: Flags, moves: Floats, ends: Floats, c: Floats, q: int, d_phi: Floats,
+def frame_change(x: Floats, n: Floats, ways: Floats, moves: Floats, ends: Floats, c: Floats, q: int, d_phi: Floats,
                  d_cut: Floats) -> None:
-    """Fill how the normals turn, d_phi, and the cuts of a piece move, d_cut, both (2, 12) [1/m].
+    """Fill how the normals turn, d_phi, and the cuts of a piece move, d_cut, both (2, w) [1/m].
 
-    x : (6, 2) [m].  n : (2, 2) [1].  smooth : (2,).  moves : (2,) the node each cut follows, FIXED or OPENS [1].
-    ends : (2,) the cuts [1].  c : (n_p, N_CONSTANTS), q : a point of the piece.  d_phi, d_cut : (2, 12) [1/m].
+    x : (6, 2) [m].  n : (2, 2) [1].  ways : (2, 3) [1].  moves : (2,) the node each cut follows, FIXED or OPENS [1].
+    ends : (2,) the cuts [1].  c : (n_p, N_CONSTANTS), q : a point of the piece.  d_phi, d_cut : (2, w) [1/m].
     """
-    turns(x, smooth, d_phi)
+    turns(x, ways, d_phi)
     for k in range(2):
         if int(moves[k]) == FIXED:
             d_cut[k] = 0.0
@@ -136,21 +137,21 @@ def frame_change(x: Floats, n: Floats, smooth: Flags, moves: Floats, ends: Float
 
 
 @kernel
-def piece_stiffness(x: Floats, n: Floats, smooth: Flags, by_node: bool, axisymmetric: bool, moves: Floats, ends: Floats,
+def piece_stiffness(x: Floats, n: Floats, ways: Floats, by_node: bool, axisymmetric: bool, moves: Floats, ends: Floats,
                     points: Floats, c: Floats, doing: Floats, first: int, scratch: Floats, force: Floats,
                     block: Floats) -> None:
-    """Fill force : (6, 2) [N] and block : (12, 12) [N/m] = -d(force)/dx of a piece whose nodes are at x : (6, 2) [m].
+    """Fill force : (6, 2) [N] and block : (12, w) [N/m] = -d(force)/dx of a piece whose nodes are at x : (6, 2) [m].
 
-    n : (2, 2) the normals at the slave's nodes [1], and smooth : (2,) whether the neighbouring edge turns them.
+    n : (2, 2) the normals at the slave's nodes [1], and ways : (2, 3) [1] what turns them, as of turns.
     ends : (2,) the cuts [1], and moves : (2,) the node each follows, FIXED or OPENS [1].
     points : (n_p, >= 4) xi, eta [1], gap [m], area [m2], c : (n_p, N_CONSTANTS) [Pa, Pa/m, 1] and doing : (n_p,)
     state [1], the piece's two points in rows first, first + 1.
-    by_node : the point is at the first of its ends.  scratch : (6, 12) [1/m], its last row [m], overwritten.
+    by_node : the point is at the first of its ends.  scratch : (6, w) [1/m], its last row [m], overwritten.
     """
     force[:] = 0.0
     block[:] = 0.0
     d_phi, d_cut, d_xi, d_area = scratch[0:2], scratch[2:4], scratch[4], scratch[5]
-    frame_change(x, n, smooth, moves, ends, c, first, d_phi, d_cut)
+    frame_change(x, n, ways, moves, ends, c, first, d_phi, d_cut)
     for q in range(first, first + 2):
         if int(doing[q]) == OPEN:
             continue
@@ -158,7 +159,7 @@ def piece_stiffness(x: Floats, n: Floats, smooth: Flags, by_node: bool, axisymme
         #   1.0) * GAUSS | contact/test_nodes_at_ends
         along = -0.5 if by_node else (2.0 * (q - first) - 1.0) * GAUSS
         per_cut = points[q, 3] / (ends[1] - ends[0])
-        for j in range(2 * NODES):
+        for j in range(d_xi.size):
             spread = d_cut[1, j] - d_cut[0, j]
             d_xi[j] = 0.5 * (d_cut[0, j] + d_cut[1, j]) + along * spread
             d_area[j] = per_cut * spread
@@ -170,9 +171,9 @@ def piece_stiffness(x: Floats, n: Floats, smooth: Flags, by_node: bool, axisymme
 @kernel
 def add_stretch(x: Floats, xi: float, area: float, rise: float, axisymmetric: bool, d_xi: Floats,
                 d_area: Floats) -> None:
-    """Add to d_area : (12,) [m] what comes of the edge's length, and of the distance from the axis.
+    """Add to d_area : (w,) [m] what comes of the edge's length, and of the distance from the axis.
 
-    x : (6, 2) [m].  rise : of the round surface whose area it is [m].  d_xi : (12,) [1/m].
+    x : (6, 2) [m].  rise : of the round surface whose area it is [m].  d_xi : (w,) [1/m].
     """
     tx, ty = x[1, 0] - x[0, 0], x[1, 1] - x[0, 1]
     size = tx * tx + ty * ty
@@ -188,10 +189,10 @@ def add_stretch(x: Floats, xi: float, area: float, rise: float, axisymmetric: bo
     if axisymmetric and r > 0.0:
         d_area[0] += area / r * (1.0 - xi)
         d_area[2] += area / r * xi
-        for j in range(2 * NODES):
+        for j in range(d_area.size):
             d_area[j] += area / r * tx * d_xi[j]
     if rise != 0.0:
-        for j in range(2 * NODES):
+        for j in range(d_area.size):
             d_area[j] -= 2.0 * area * steep * rise / wide * d_xi[j]
 
 
@@ -215,11 +216,11 @@ def rounding_change(c: Floats, q: int, xi: float, eta: float, d_xi: float, d_eta
 @kernel
 def add_point(x: Floats, n: Floats, points: Floats, c: Floats, doing: Floats, q: int, d_phi: Floats, d_xi: Floats,
               d_area: Floats, force: Floats, block: Floats) -> None:
-    """Add the forces of point q to force : (6, 2) [N] and their derivative to block : (12, 12) [N/m].
+    """Add the forces of point q to force : (6, 2) [N] and their derivative to block : (12, w) [N/m].
 
     x : (6, 2) [m].  n : (2, 2) [1].  points : (n_p, >= 4) xi, eta [1], gap [m], area [m2].
-    c : (n_p, N_CONSTANTS) [Pa, Pa/m, 1].  doing : (n_p,) state [1].  d_phi : (2, 12) [1/m].  d_xi : (12,) [1/m].
-    d_area : (12,) [m].
+    c : (n_p, N_CONSTANTS) [Pa, Pa/m, 1].  doing : (n_p,) state [1].  d_phi : (2, w) [1/m].  d_xi : (w,) [1/m].
+    d_area : (w,) [m].
     """
     xi, eta, g, area = points[q, 0], points[q, 1], points[q, 2], points[q, 3]
     nx, ny, by_0, by_1, by_xi = field_normal(n, xi)
@@ -239,10 +240,10 @@ def add_point(x: Floats, n: Floats, points: Floats, c: Floats, doing: Floats, q:
         tau, trial_xi, trial_eta = c[q, TRIAL], c[q, TRIAL_XI], c[q, TRIAL_ETA]
     fx, fy = -p * nx - tau * ny, -p * ny + tau * nx
     N, M = (1.0 - xi, xi), (1.0 - eta, eta)
-    for j in range(2 * NODES):
+    for j in range(d_xi.size):
         i, along_x, along_y = j // 2, 1.0 - j % 2, float(j % 2)
         own = N[i] if i < 2 else 0.0
-        other = M[i - 4] if i >= 4 else 0.0
+        other = M[i - 4] if 4 <= i < NODES else 0.0
         # fault: normals of the field do not turn -> turn = 0.0 * d_phi[0, j] + by_1 * d_phi[1, j] + by_xi * d_xi[j] |
         #   mechanical_fmu/test_contact_newton
         turn = by_0 * d_phi[0, j] + by_1 * d_phi[1, j] + by_xi * d_xi[j]

@@ -319,7 +319,7 @@ def edge_frames(x: Floats, edges: Ints, previous: Ints, following: Ints) -> tupl
 
 FACING_COS = 0.2  # edges face each other if n_s . n_m < -0.2 (78 degrees): beyond that a ray only grazes
 END_TOLERANCE = 1e-9  # of an edge: a foot this little beyond its end is on the end
-NORMAL_SHORTENING = 1.1547005383792517  # 1/cos(30 degrees): the interpolated normal is at most this much shorter than 1
+NORMAL_SHORTENING = 1.4142135623730951  # 1/cos(45 degrees): the interpolated normal is at most this much shorter than 1
 
 
 class Frame(NamedTuple):

@@ -19,6 +19,7 @@ from contact.arcs import feet
 from contact.compiled import kernel
 from contact.faced import ray
 from contact.facing import Cut, cut_surfaces, shapes_of
+from contact.leaning import FACE, Follows, by_face, ways_of
 from contact.messages import ContactState, Floats, Ints, Traction, Tractions
 from contact.nodal import at_slivers, nodal_means, on_masters, touching_means
 from contact.penalty import in_a_row, penalties
@@ -49,7 +50,7 @@ from contact.piece import (
 from contact.quadrature import GAUSS
 from contact.shear_history import ShearHistory, checked_history, noted, remembered
 from contact.slip import slip_since
-from contact.surfaces import CORNER_COS, Frame, RegisteredSurfaces, checked_reals, edge_frames, frame_of
+from contact.surfaces import Frame, RegisteredSurfaces, checked_reals, edge_frames, frame_of
 from contact.tied import Bonds, bonds_at, ties_of
 
 # Assembly of pieces
@@ -149,8 +150,8 @@ def traction(surfaces: RegisteredSurfaces, request: Traction) -> Tractions:
     r = surfaces.register
     asked, cut, points = evaluated(surfaces, request)
     nodes, forces, blocks = pieces(asked.x, r.edges, surfaces.previous, surfaces.following, cut.met, cut.values,
-                                   cut.normals, cut.shape, surfaces.passes.by_node[cut.number], r.axisymmetric,
-                                   points.c, points.doing)
+                                   cut.normals, cut.follows, cut.shape, surfaces.passes.by_node[cut.number],
+                                   r.axisymmetric, points.c, points.doing)
     of, bonds = surfaces.pair_nodes, None
     if of.tied.size:
         bonds = bonds_at(surfaces, asked.x, asked.multipliers, cut.values[surfaces.tied[cut.number] == 1, 3])
@@ -269,9 +270,9 @@ def points_at(surfaces: RegisteredSurfaces, cut: Cut, asked: Asked) -> PointStat
         length, normal = edge_frames(asked.before, edges, surfaces.previous, surfaces.following)
         if not length.min() > 0.0:
             raise ValueError(f"x_before: edge {int(np.argmin(length))} has no length")
-        told = asked.history
+        told, normals = asked.history, shapes.normals(surfaces, asked.before, length, normal)[0]
         rub(asked.before, asked.multipliers_before, told.nodes, told.points, told.start, edges, surfaces.previous,
-            surfaces.following, shapes.normals(normal), shapes.rise, cut.shape, cut.met, cut.at, cut.values,
+            surfaces.following, normals, shapes.rise, cut.shape, cut.met, cut.at, cut.values,
             p.eps_N[cut.number], surfaces.stiffness, c, points.doing, points.p_N, points.tau, points.heat, points.slip)
     return points
 
@@ -343,21 +344,28 @@ def rub(before: Floats, multipliers_before: Floats, mobilised: Floats, mobilised
 
 @kernel
 def pieces(x: Floats, edges: Ints, previous: Ints, following: Ints, met: Ints, values: Floats, normals: Floats,
-           shape: Ints, by_node: Ints, axisymmetric: bool, c: Floats, doing: Floats) -> tuple[Ints, Floats, Floats]:
+           follows: Follows, shape: Ints, by_node: Ints, axisymmetric: bool, c: Floats,
+           doing: Floats) -> tuple[Ints, Floats, Floats]:
     """Compute nodes (n_b, 6), forces (n_b, 6, 2) [N] and blocks (n_b, 12, 12) [N/m] of the touching pieces.
 
     x : (n_s, 2) [m].  edges : (n_edges, 2).  previous, following : (n_edges,).  met : (n_p, 2) slave and master edge.
-    values : (n_p, 5) xi_s, xi_m [1], gap [m], area, area_m [m2].  normals : (k, n_edges, 3, 2) [1], and
-    shape : (n_p,) which of them are a point's.  by_node : (n_p,).  c : (n_p, N_CONSTANTS) [Pa, Pa/m, 1] as in
-    contact.piece.  doing : (n_p,) state [1].
+    values : (n_p, 5) xi_s, xi_m [1], gap [m], area, area_m [m2].  normals : (k, n_edges, 3, 2) [1], what
+    they turn with, follows : (k, n_edges, 2), and shape : (n_p,) which of them are a point's.  by_node : (n_p,).
+    c : (n_p, N_CONSTANTS) [Pa, Pa/m, 1] as in contact.piece.  doing : (n_p,) state [1].  More rows of nodes and blocks
+    are what faces do that corners lean to.
     """
-    n_blocks = 0
+    n_blocks, n_more = 0, 0
     for i in range(0, met.shape[0], 2):
-        n_blocks += doing[i] > OPEN or doing[i + 1] > OPEN
-    nodes = np.empty((n_blocks, NODES), dtype=np.int32)
-    forces, blocks = np.empty((n_blocks, NODES, 2)), np.empty((n_blocks, 2 * NODES, 2 * NODES))
+        if doing[i] > OPEN or doing[i + 1] > OPEN:
+            n_blocks += 1
+            for k in range(2):
+                n_more += follows[shape[i], met[i, 0], k] >= FACE
+    nodes = np.empty((n_blocks + n_more, NODES), dtype=np.int32)
+    forces, blocks = np.zeros((n_blocks + n_more, NODES, 2)), np.empty((n_blocks + n_more, 2 * NODES, 2 * NODES))
+    width, more = 2 * NODES + (2 if n_more > 0 else 0), n_blocks
+    whole = np.empty((2 * NODES, width))
     here = np.empty((NODES, 2))
-    smooth, ends, moves, scratch = np.empty(2, dtype=np.bool_), np.empty(2), np.empty(2), np.empty((6, 2 * NODES))
+    ways, ends, moves, scratch = np.empty((2, 3)), np.empty(2), np.empty(2), np.empty((6, width))
     b = 0
     for i in range(0, met.shape[0], 2):
         if not (doing[i] > OPEN or doing[i + 1] > OPEN):
@@ -367,26 +375,18 @@ def pieces(x: Floats, edges: Ints, previous: Ints, following: Ints, met: Ints, v
         for k in range(NODES):
             for d in range(2):
                 here[k, d] = x[nodes[b, k], d]
-        for k in range(2):
-            other = previous[e] if k == 0 else following[e]
-            smooth[k] = other >= 0 and shares_normal(normal, e, other)
+        ways_of(normal, follows[shape[i]], previous, following, e, ways)
         nodal = by_node[i] == 1
         piece_cuts(frame_of(x, edges, normal, e), x, edges, m, here, values, c, i, nodal, ends, moves)
-        piece_stiffness(here, normal[e, 1:], smooth, nodal, axisymmetric, moves, ends, values, c, doing, i,
-                        scratch, forces[b], blocks[b])
+        piece_stiffness(here, normal[e, 1:], ways, nodal, axisymmetric, moves, ends, values, c, doing, i,
+                        scratch, forces[b], whole)
+        blocks[b] = whole[:, :2 * NODES]
+        for k in range(2):
+            if ways[k, 2] != 0.0:
+                by_face(x, edges, follows[shape[i], e, k], nodes[b], whole[:, 2 * NODES + k], nodes[more], blocks[more])
+                more += 1
         b += 1
     return nodes, forces, blocks
-
-
-@kernel
-def shares_normal(normal: Floats, e: int, other: int) -> bool:
-    """Return whether two neighbours take the mean of their normals at their node, as contact.surfaces.edge_frames does.
-
-    normal : (n_edges, 3, 2) [1].  Not seen from the mean itself: on a flat surface it may round to the edge's own.
-    """
-    # fault: on flat surfaces normals that turn are left out where round-off says so -> return normal[e, 0, 0] ==
-    #   normal[other, 0, 0] and normal[e, 0, 1] == normal[other, 0, 1] | contact/test_pair_nodes
-    return normal[e, 0, 0] * normal[other, 0, 0] + normal[e, 0, 1] * normal[other, 0, 1] >= CORNER_COS
 
 
 @kernel
