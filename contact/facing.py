@@ -78,7 +78,7 @@ def shapes_of(surfaces: RegisteredSurfaces) -> Shapes:
         if of.any():
             drawn, angle = _drawn(surfaces)
             rise.append(drawn)
-        leaning = np.flatnonzero((surfaces.parting == 1) & (surfaces.tied == 0) & (p.slave != p.master))
+        leaning = np.flatnonzero((surfaces.leaning == 1) & (surfaces.tied == 0) & (p.slave != p.master))
         for i in leaning:
             rise.append(rise[of[i]])
             of[i] = len(rise) - 1

@@ -31,7 +31,9 @@ class Passes:
     looked [m], where that is more than an edge's length; None: nowhere.  tied : 1 where the sides are bonded as they
     face each other at Register.x, for good, else 0; None: nowhere.  smooth : 1 where forces see the sides as round as
     they are at Register.x (contact.rounding), else 0; None: nowhere.  parting : 1 where pieces end where the gap is 0,
-    else 0: pairs by their penalty alone, whose pressure ends there; None: nowhere.
+    else 0: pairs by their penalty alone, whose pressure ends there; None: nowhere.  leaning : 1 where corners of the
+    slave are pushed along the master's normals (contact.leaning), else 0: pairs whose master does not deform; None:
+    nowhere.
     """
 
     pair: Ints
@@ -47,6 +49,7 @@ class Passes:
     tied: Ints | None = None
     smooth: Ints | None = None
     parting: Ints | None = None
+    leaning: Ints | None = None
 
 
 @dataclass(frozen=True)

@@ -77,6 +77,12 @@ class RegisteredSurfaces:
         assert self.passes.parting is not None
         return self.passes.parting
 
+    @property
+    def leaning(self) -> Ints:
+        """Return (n_passes,) 1 where corners of a pass are pushed along what they meet, else 0."""
+        assert self.passes.leaning is not None
+        return self.passes.leaning
+
 
 def surfaces_of(message: Register) -> RegisteredSurfaces:
     """Check a Register message and build its RegisteredSurfaces.  Raises ValueError saying what is wrong with it."""
@@ -115,6 +121,8 @@ def _canonical(m: Register) -> Register:
         tied=np.zeros(shape, dtype=np.int32) if p.tied is None else _integers("passes.tied", p.tied, shape),
         smooth=np.zeros(shape, dtype=np.int32) if p.smooth is None else _integers("passes.smooth", p.smooth, shape),
         parting=np.zeros(shape, dtype=np.int32) if p.parting is None else _integers("passes.parting", p.parting,
+                                                                                      shape),
+        leaning=np.zeros(shape, dtype=np.int32) if p.leaning is None else _integers("passes.leaning", p.leaning,
                                                                                       shape),
     )
     return Register(
@@ -186,9 +194,9 @@ def _check_passes(p: Passes, n_surfaces: int) -> None:
             raise ValueError(f"weight of pass {i} must be in (0, 1], got {p.weight[i]}")
         if p.by_node[i] not in (0, 1):
             raise ValueError(f"by_node of pass {i} must be 0 or 1, got {p.by_node[i]}")
-        assert p.parting is not None
-        if p.parting[i] not in (0, 1):
-            raise ValueError(f"parting of pass {i} must be 0 or 1, got {p.parting[i]}")
+        for name in ("parting", "leaning"):
+            if getattr(p, name)[i] not in (0, 1):
+                raise ValueError(f"{name} of pass {i} must be 0 or 1, got {getattr(p, name)[i]}")
         for name in ("eps_N", "eps_T", "mu", "depth"):
             if not getattr(p, name)[i] >= 0:
                 raise ValueError(f"{name} of pass {i} must be >= 0, got {getattr(p, name)[i]}")

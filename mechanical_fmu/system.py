@@ -469,6 +469,8 @@ def system_of(interface: Interface, spec: ElasticSpec, given: MechanicalVolume |
         kinds, len(interface.nodes), bodies.size, given)
     # fault: pairs by their penalty alone do not see corners -> alone = [] | mechanical_fmu/test_groups
     alone = [pair.name for pair in interface.pairs if pair.name not in spec.augmented and not pair.tied]
+    of_rigid = [] if rigid is None else [name for name, nodes in interface.surfaces.items()
+                                         if np.isin(nodes, rigid.nodes).all()]
     return System(interface, spec, mesh,
-                  constraints_of(interface, spec.displacements, rigid), MeshContact(interface, alone),
+                  constraints_of(interface, spec.displacements, rigid), MeshContact(interface, alone, of_rigid),
                   masses)

@@ -58,15 +58,18 @@ class ContactSurfaces:
     service, so it changes no bit of an answer.
     """
 
-    def __init__(self, interface: Interface, parting: Collection[str] = ()) -> None:
-        """parting : names of pairs that have their penalty alone (contact.messages.Passes)."""
-        self.interface, self.parting = interface, parting
+    def __init__(self, interface: Interface, parting: Collection[str] = (), rigid: Collection[str] = ()) -> None:
+        """parting : names of pairs that have their penalty alone (contact.messages.Passes).
+
+        rigid : names of surfaces that do not deform.
+        """
+        self.interface, self.parting, self.rigid = interface, parting, rigid
         self._registered_as = ""
 
     @cached_property
     def message(self) -> Register:
         """The message that registers them."""
-        return register_message(self.interface, self.parting)
+        return register_message(self.interface, self.parting, self.rigid)
 
     @cached_property
     def edges(self) -> Ints:

@@ -16,11 +16,13 @@ def surface_names(interface: Interface) -> list[str]:
     return list(dict.fromkeys(name for pair in interface.pairs for name in (pair.slave, pair.master)))
 
 
-def register_message(interface: Interface, parting: Collection[str] = ()) -> Register:
+def register_message(interface: Interface, parting: Collection[str] = (),
+                     rigid: Collection[str] = ()) -> Register:
     """The surfaces of an interface file as the message that registers them.
 
     The edges of one surface are consecutive and keep their order; nodes are indices s into Interface.contact_nodes.
-    parting : names of pairs that have their penalty alone (contact.messages.Passes).
+    parting : names of pairs that have their penalty alone (contact.messages.Passes).  rigid : of surfaces that do not
+    deform.
     """
     names = surface_names(interface)
     number = {name: i for i, name in enumerate(names)}
@@ -31,7 +33,7 @@ def register_message(interface: Interface, parting: Collection[str] = ()) -> Reg
         edges=np.concatenate([np.empty((0, 2), dtype=np.int32), *edges]).astype(np.int32),
         edge_surface=np.repeat(np.arange(len(names)), [len(e) for e in edges]).astype(np.int32),
         axisymmetric=interface.axisymmetric,
-        passes=passes_of(interface, number, parting),
+        passes=passes_of(interface, number, parting, rigid),
         stiffness=np.concatenate([np.empty(0), *(interface.stiffness.get(name, np.zeros(len(e)))
                                                  for name, e in zip(names, edges, strict=True))]),
         offset=interface.gap_offset,
@@ -39,10 +41,11 @@ def register_message(interface: Interface, parting: Collection[str] = ()) -> Reg
     )
 
 
-def passes_of(interface: Interface, number: Mapping[str, int], parting: Collection[str] = ()) -> Passes:
+def passes_of(interface: Interface, number: Mapping[str, int], parting: Collection[str] = (),
+              rigid: Collection[str] = ()) -> Passes:
     """How the pairs are searched: once, twice from either side, or a surface from itself; number : of surfaces.
 
-    parting : as of register_message.
+    parting, rigid : as of register_message.
     """
     rows = []
     for i, pair in enumerate(interface.pairs):
@@ -53,11 +56,14 @@ def passes_of(interface: Interface, number: Mapping[str, int], parting: Collecti
         eps_N = 0.0 if pair.local else pair.eps_N
         rest = (weight, int(pair.by_node), pair.gap_max, eps_N, pair.eps_T or eps_N, pair.mu,
                 search_depth(interface, pair), int(pair.tied), int(pair.smooth), int(pair.name in parting))
-        rows.append((i, slave, master, *rest))
+        # fault: corners lean to faces that come to fit them -> leans = [int(pair.name in parting)] * 2 |
+        #   mechanical_fmu/test_bounce_on_a_corner
+        leans = [int(pair.name in parting and met in rigid) for met in (pair.master, pair.slave)]
+        rows.append((i, slave, master, *rest, leans[0]))
         if pair.two_pass and slave != master:
-            rows.append((i, master, slave, *rest))
-    columns = list(zip(*rows, strict=True)) if rows else [()] * 13
-    kinds = [np.int32, np.int32, np.int32, np.float64, np.int32, *[np.float64] * 5, np.int32, np.int32, np.int32]
+            rows.append((i, master, slave, *rest, leans[1]))
+    columns = list(zip(*rows, strict=True)) if rows else [()] * 14
+    kinds = [np.int32, np.int32, np.int32, np.float64, np.int32, *[np.float64] * 5, *[np.int32] * 4]
     return Passes(*(np.array(column, dtype=kind) for column, kind in zip(columns, kinds, strict=True)))
 
 
