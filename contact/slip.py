@@ -48,7 +48,7 @@ def slip_since(before: Floats, edges: Ints, previous: Ints, following: Ints, nor
             found = True
             xi_f = min(max(xi_f, 0.0), 1.0)
             # fault: slip forgets the way to where the point was faced -> slip += (xi_f - eta) * length_of(before,
-            #   edges, edge) | contact/test_slip
+            #   edges, edge) | contact/test_slip mechanical_fmu/test_friction
             slip += along(before, edges, edge, rise[edge], at, xi_f)
             break
         end = 1.0 if way > 0 else 0.0

@@ -267,6 +267,8 @@ def points_at(surfaces: RegisteredSurfaces, cut: Cut, asked: Asked) -> PointStat
     points = PointStates(c, *(np.zeros(n) for _ in range(5)))
     press(cut.values, c, points.doing, points.p_N)
     if p.mu.any():
+        # fault: slip is along the normals of now -> length, normal = edge_frames(asked.x, edges, surfaces.previous,
+        #   surfaces.following) | contact/test_slip::test_a_turn_of_both_is_no_slip mechanical_fmu/test_between_plates
         length, normal = edge_frames(asked.before, edges, surfaces.previous, surfaces.following)
         if not length.min() > 0.0:
             raise ValueError(f"x_before: edge {int(np.argmin(length))} has no length")

@@ -200,6 +200,7 @@ def _augmented(s: Stated, pair: ContactPair, elastic: Elastic) -> Augmented | No
     # All pairs of a scene settle by one method: where others state one, it is theirs.
     stated = [other.augmented.method for other in s.pairs.values() if other.augmented is not None]
     # fault: contact is as soft as its penalty unless told -> return pair.augmented | coupler/test_penalties
+    #   scenarios/test_default_contact
     return Augmented(method=stated[0]) if stated else Augmented()
 
 

@@ -13,6 +13,7 @@ import pytest
 sys.path.insert(0, str(Path(__file__).parent))
 from mechanical_scenes import EXPECTED, STEEL, block, blocks, done, elastic, hold, inputs_of, press
 from test_carrying import stack
+from test_hertz import by_default, of_hertz
 from test_hertz import scene as hertz
 
 from contact.rpc.link import open_link
@@ -238,22 +239,34 @@ def test_scenes_that_are_held_have_no_such_output():
     assert "work.stabilisation" not in [v.name for v in held.variables]
 
 
-@pytest.mark.slow
-def test_hertz_as_textbooks_state_it():
-    """C3: the cylinder rests in one point, as drawn, and a force presses it."""
+@pytest.mark.few("1-default")
+@pytest.mark.parametrize("how", ["penalty", "default"])
+@pytest.mark.parametrize("steps", [1, 5])
+def test_hertz_as_textbooks_state_it(how, steps):
+    """C3: the cylinder rests in one point, as drawn, and a force presses it.
+
+    By the penalty of E over the mean edge of its surface p0 was 6.7 % low and a 8.5 % wide, though a force presses.
+    """
     expected = EXPECTED["C3"]["steel"]
-    interface = hertz(False)
+    interface, more = hertz(False), {}
     material = {"E": expected["E"], "nu": expected["nu"]}
+    if how == "default":
+        interface, more = by_default(interface, **material), {"pairs": {"interface": {"augmented": {}}}}
     width = float(np.ptp(interface.nodes[np.unique(interface.surfaces["upper.top"]), 0]))
     boundary = [hold("lower.bottom", 1), hold("lower.left", 0), hold("upper.left", 0),
                 {"on": "upper.top", "t_y": ramp(-0.5 * expected["load"] / width)}]
     half = load(interface, {"half": "elastic", "format": 2, "tolerance": 1e-8,
                             "materials": {"lower": material, "upper": material},
-                            "bodies": {b: {"material": b} for b in interface.bodies}, "boundary": boundary})
+                            "bodies": {b: {"material": b} for b in interface.bodies}, "boundary": boundary, **more})
+    work = []
     with closing(open_link("direct")) as link:
         state, _ = half.start(inputs_of(half), 0.0, link)
-        state, outputs = done(half.step(state, inputs_of(half), 0.0, 1.0, link))
+        for i in range(steps):
+            state, outputs = done(half.step(state, inputs_of(half), i / steps, 1 / steps, link))
+            assert outputs["cuts"] == 0.0
+            work.append(outputs["work.stabilisation"])
+    assert 0.0 < work[0] == work[-1]  # damped until contact holds it, and no more
     assert outputs["reaction.lower"][1] == pytest.approx(0.5 * expected["load"], rel=1e-6)
-    nodes = np.unique(interface.surfaces["upper.bottom"])
-    p = -outputs["contact.t_N"][np.searchsorted(interface.contact_nodes, nodes)]
-    assert p.max() == pytest.approx(expected["p0"], rel=expected["tolerance"])
+    a, p_0 = of_hertz(interface, outputs)
+    assert p_0 == pytest.approx(expected["p0"], rel=expected["tolerance"])
+    assert a == pytest.approx(expected["a"], rel=expected["tolerance"])
