@@ -53,6 +53,7 @@ def stress_variables(system: System) -> tuple[Variable, ...]:
                Variable("max_strain_increment"))
     if not system.volume.tells_stress:
         return strains
+    # fault: the hoop stress has no name of its own -> hoop = () | coupler/test_one_pressure
     hoop = (Variable("sigma_hoop", (n,), unit="Pa", description="hoop stress, cell mean", on="cells"),)
     return (Variable("sigma_v", (n,), unit="Pa", description="von Mises stress, cell mean", on="cells"),
             Variable("sigma", (n, 4), unit="Pa", description="stress 11, 22, 12, 33, cell mean", on="cells"),

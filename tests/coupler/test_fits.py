@@ -74,7 +74,7 @@ def test_a_fit_may_change_along_the_surface(tmp_path: Path) -> None:
 @pytest.mark.few("True")
 @pytest.mark.parametrize("exchanged", [False, True])
 def test_a_shrink_fit_by_its_interference(exchanged: bool, tmp_path: Path) -> None:
-    """Lame, drawn in touch, whichever side is the slave.  The mesh is too stiff by 1 %."""
+    """Lame, drawn in touch, whichever side is the slave.  The mesh is too stiff by 0.06 %."""
     a, b, c, delta, E, nu = 0.02, 0.03, 0.04, 1.0e-5, 2.0e11, 0.3
     sides = ["tube.right", "ring.left"][:: -1 if exchanged else 1]
     text = f"""\
@@ -102,7 +102,7 @@ coupling: {{end: 1, windows: [{{until: 1, size: 1}}]}}
     p = -run(load_text(tmp_path, text), out=tmp_path / "run.h5").contact["face"].t_N[-1]
     E_, nu_ = E / (1.0 - nu**2), nu / (1.0 - nu)
     exact = delta * E_ / b / ((c**2 + b**2) / (c**2 - b**2) + nu_ + (b**2 + a**2) / (b**2 - a**2) - nu_)
-    np.testing.assert_allclose(p, exact, rtol=0.012)
+    np.testing.assert_allclose(p, exact, rtol=0.002)
 
 
 @pytest.mark.parametrize(("keys", "where", "words"), [

@@ -7,6 +7,7 @@ import sys
 from pathlib import Path
 from typing import Any
 
+import h5py
 import numpy as np
 import pytest
 
@@ -79,6 +80,30 @@ def test_a_sliver_does_not_decide_the_largest_pressure(tmp_path):
     t, p = results.probe("p")
     assert told == {name: pytest.approx(told["probe"], rel=1e-4 if name == "headline" else 1e-6) for name in told}
     assert p.max() < 4.0 * p[t < 1.6].max()
+
+
+def test_all_there_is_to_look_at_is_in_the_files(tmp_path):
+    """Strains, stress with the hoop's by its name, and what surfaces do: for ParaView, and as lines along them."""
+    doc = edited(BLOCK, geometry="axisymmetric", materials={"steel": {**STEEL, "plastic": {"s_y": 1e8}}}, contact={
+        "base": {**BLOCK["contact"]["base"], "friction": {"mu": 0.2}}}, coupling__windows=[{"until": 3.0, "size": 1.0}])
+    for body in doc["bodies"].values():
+        body["mesh"]["rectangle"]["origin"][0] += 0.021
+    with without_fmus():
+        results = run(loaded(tmp_path, doc), tmp_path / "s.h5")
+    with h5py.File(results.field_files["mechanical"]) as file:
+        cells, points = ({name: np.asarray(values) for name, values in file[f"VTKHDF/{on}Data"].items()}
+                         for on in ("Cell", "Point"))
+    assert {"sigma", "sigma_v", "sigma_hoop", "strain", "elastic_strain", "peeq"} <= set(cells)
+    assert cells["sigma"].shape[1] == cells["strain"].shape[1] == 6  # as VTK has them: xx, yy, zz, xy, yz, xz
+    np.testing.assert_array_equal(cells["sigma_hoop"], cells["sigma"][:, 2])
+    assert cells["peeq"].max() > 1e-4
+    assert {"p", "gap", "contact.t_T", "contact.slip", "contact.slip_path", "contact.status"} <= set(points)
+    assert {2.0, 3.0} <= set(points["contact.status"][~np.isnan(points["contact.status"])]) <= {0.0, 1.0, 2.0, 3.0}
+    line = results.contact["base"]
+    assert line.t_N.shape == line.gap.shape == line.t_T.shape == line.slip_share.shape == (4, 6)
+    assert (np.diff(line.s) > 0.0).all()
+    assert np.abs(line.t_T).max() == pytest.approx(np.nanmax(np.abs(points["contact.t_T"])), rel=1e-6)
+    assert -line.t_N.min() == pytest.approx(np.nanmax(points["p"]), rel=1e-6)
 
 
 def test_the_lines_shown_are_those_of_the_highest_pressure_and_evenly_spread_ones():

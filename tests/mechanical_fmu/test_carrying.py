@@ -21,6 +21,7 @@ from mechanical_fmu import advance
 E, TILT, LOAD = 2.0e11, 0.1, 1e6
 ABOUT = [0.0, 0.0]
 AIM = 15  # iterations of a window
+HEAVY = {"gravity": {"y": {"t": [0.0, 1.0], "value": [0.0, -9.81]}}}
 
 
 @cache
@@ -69,15 +70,14 @@ def run(conditions, windows, more=(), material=None, **model):
     return found
 
 
-@pytest.mark.few("field-semi_smooth", "rotation-None")
+@pytest.mark.few("field-semi_smooth-heavy", "rotation-None-heavy")
+@pytest.mark.parametrize("weight", [HEAVY, {}], ids=["heavy", "light"])
 @pytest.mark.parametrize("enforcement", [None, "semi_smooth"])
 @pytest.mark.parametrize("way", ["rotation", "field", "points"])
-def test_three_blocks_on_a_tilting_floor(way, enforcement, monkeypatch):
+def test_three_blocks_on_a_tilting_floor(way, enforcement, weight, monkeypatch):
     """Left behind: 92 to 141 iterations a window, and cuts in each; with the floor left level under them 7 to 21."""
     model = {} if enforcement is None else {"pairs": {f"p{i}": {"augmented": {"method": enforcement}}
                                                       for i in (1, 2, 3)}}
-    weight = {"gravity": {"y": {"t": [0.0, 1.0], "value": [0.0, -9.81]}}}
-
     loose, find = [], advance.slipped
 
     def taken_for_loose(system, loading, first, settings):
@@ -88,12 +88,15 @@ def test_three_blocks_on_a_tilting_floor(way, enforcement, monkeypatch):
     for k in range(5):
         windows = run(tilting(way, (1.0 + 1e-3 * k) * TILT), 5, **weight, **model)[1:]
         # Held at two points the floor bends, and what was held at the bound goes on to slip or sticks: by the penalty
-        # alone 37 in the first window, in which surfaces part within their edges.
-        most = [6 if enforcement else 40, 6, 6, 6, 6] if way == "points" else 5 * [3]
+        # alone 37 in the first window, in which surfaces part within their edges, and without weight 26 to 33
+        # in most windows, above the aim.
+        most = 5 * [3]
+        if way == "points":
+            most = [6 if enforcement else 40, 6, 6, 6, 6] if weight else 5 * [40]
         assert not any(out["cuts"] for out in windows)
         assert all(out["iterations"] <= n for out, n in zip(windows, most, strict=True))
     # What presses is held; on a floor that bends a block may begin by touching with a corner alone.
-    assert (way == "points" and enforcement is None) or not any(loose)
+    assert (way == "points" and not (enforcement and weight)) or not any(loose)
 
 
 @pytest.mark.parametrize("windows", [1, 3, 9])
