@@ -3,7 +3,7 @@
 Use: `python benchmarks/can.py`.
 Runs what FOLDER (--folder, default can_runs) does not hold yet, prints a table, and draws docs/images/can_gap.svg and
 can_flux.svg.  --only NAME ... : of coarse, coarse_half, medium, medium_half, fine.  --variants : what else the physics
-could be, on the coarse mesh, one line each: when it is solid, the gaps then, and what touches.
+could be, on the coarse mesh, one line each: when it is solid, the gaps then, and what touches; can_variants.svg.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ ROOT = Path(__file__).resolve().parents[1]
 sys.path[:0] = [str(ROOT), str(ROOT / "tests" / "scenarios")]
 
 import numpy as np  # noqa: E402
-from can_pictures import draw  # noqa: E402
+from can_pictures import draw, draw_variants  # noqa: E402
 from can_readings import CanRun, read_can, touching  # noqa: E402
 
 from coupler import Results, load_scenario, run  # noqa: E402
@@ -123,8 +123,11 @@ def main() -> None:
     options.folder.mkdir(exist_ok=True)
     if options.variants:
         print(VARIANT_HEAD)
+        cans = {}
         for i, (name, overrides) in enumerate(VARIANTS.items()):
-            print(variant_row(name, read_can(made(options.folder, f"variant_{i}", overrides))), flush=True)
+            cans[name] = read_can(made(options.folder, f"variant_{i}", overrides))
+            print(variant_row(name, cans[name]), flush=True)
+        draw_variants(cans, ROOT / "docs" / "images")
         return
     print(HEAD)
     read = {}

@@ -1,10 +1,11 @@
-"""The two pictures of the casting in its can: gap and conductance over time, and the way of the heat."""
+"""The pictures of the casting in its can: gap and conductance over time, the way of the heat, and what decides."""
 
 from __future__ import annotations
 
 import base64
 import io
 import re
+from collections.abc import Mapping
 from pathlib import Path
 
 import matplotlib as mpl
@@ -29,9 +30,18 @@ FAINT = 0.04  # share of the longest arrow: less is a dot
 ARROWS = 110  # cells with an arrow, about, in the casting
 
 
+PLAIN = {"svg.fonttype": "none", "svg.hashsalt": "slideline", "font.family": "sans-serif"}
+
+
+def draw_variants(runs: Mapping[str, CanRun], folder: Path) -> None:
+    """Writes can_variants.svg."""
+    mpl.rcParams |= PLAIN
+    variants_figure(runs).savefig(folder / "can_variants.svg", dpi=DPI, metadata={"Date": None})
+
+
 def draw(can: CanRun, results: Results, folder: Path) -> None:
     """Writes can_gap.svg and can_flux.svg."""
-    mpl.rcParams |= {"svg.fonttype": "none", "svg.hashsalt": "slideline", "font.family": "sans-serif"}
+    mpl.rcParams |= PLAIN
     times = [5.0, 50.0, 250.0, can.solid_at]
     for name, figure in (("can_gap", gap_figure(can)), ("can_flux", flux_figure(results, times))):
         figure.savefig(folder / f"{name}.svg", dpi=DPI, metadata={"Date": None})
@@ -83,6 +93,23 @@ def gap_figure(can: CanRun) -> Figure:
     right.set_ylim(30, 1e4)
     left.text(can.solid_at, 0.02, "all solid ", color=INK, fontsize=8.5, rotation=90, ha="right", va="bottom")
     left.legend(frameon=False, fontsize=8.5, labelcolor=INK, title="height", title_fontsize=8.5, loc="center left")
+    return figure
+
+
+def variants_figure(runs: Mapping[str, CanRun]) -> Figure:
+    """Gaps when all is solid, up the wall and outwards along the base: one line a variant, by its name."""
+    figure = new_figure(4.2)
+    ends = {name: int(np.argmin(abs(can.t - can.solid_at))) for name, can in runs.items()}
+    wall, base = (styled(ax, label, "gap [um]") for ax, label in zip(
+        figure.subplots(1, 2), ("height on the wall [mm]", "radius on the base [mm]"), strict=True))
+    for n, (name, can) in enumerate(runs.items()):
+        wall.plot(1e3 * can.z, 1e6 * np.maximum(can.gap[ends[name]], 0.0), label=f"{name}, {can.solid_at:.0f} s",
+                  **line_style(n))
+        base.plot(1e3 * can.base_r, 1e6 * np.maximum(can.base_gap[ends[name]], 0.0), **line_style(n))
+    wall.set_ylim(0.0, None)
+    base.set_ylim(0.0, None)
+    figure.legend(frameon=False, fontsize=8.5, labelcolor=INK, loc="outside lower center", ncols=3,
+                  title="variant, and when all of it is solid", title_fontsize=8.5)
     return figure
 
 

@@ -76,7 +76,7 @@ def test_what_sticks_shrinks_to_the_middle(fine, stick):
     """At Q/(mu P) = .351 and .684 a zone of .806 and .562 of a sticks.
 
     By default (`stick` 1) in edges of 50 um: the spring of sticking is as soft as the cells there, and the error goes
-    with them (2.1 and 5.4 % in edges of 100 um, 1.2 and 2.8 %).  Four times as stiff: 0.0 and 0.9 %, in those of 100 um.
+    with them (2.1 and 5.4 % in edges of 100 um, 1.2 and 2.8 %).  Four times as stiff: 0.0 and 0.9 % in those of 100 um.
     """
     default = stick is not None
     interface, more = scene(fine), {}
