@@ -9,7 +9,7 @@ from coupler.trust.checks import Check, measured
 from coupler.trust.in_space import across, carried, extremes, heat_mesh, mesh, peak_stress
 from coupler.trust.in_time import drives, errors, instants, motion, rhythm, stability, steady
 from coupler.trust.laws import energy, equilibrium, solved, stored, tables, temperatures
-from coupler.trust.surfaces import facets, passing, penetration, pressures, round_gaps, skipped, unpaired, ways
+from coupler.trust.surfaces import askew, facets, passing, penetration, pressures, round_gaps, skipped, unpaired, ways
 
 # Errors of windows add up, and each may be one tolerance: what was taken above it may be this part of all of them.
 OVER = 0.1
@@ -29,6 +29,7 @@ class TrustLog:
     unpaired: unpaired.UnpairedLog = field(default_factory=unpaired.UnpairedLog)
     penetration: penetration.PenetrationLog = field(default_factory=penetration.PenetrationLog)
     facets: facets.FacetLog = field(default_factory=facets.FacetLog)
+    askew: askew.AskewLog = field(default_factory=askew.AskewLog)
     round_gaps: round_gaps.RoundGapLog = field(default_factory=round_gaps.RoundGapLog)
     errors: errors.ErrorLog = field(default_factory=errors.ErrorLog)
     stability: stability.StabilityLog = field(default_factory=stability.StabilityLog)

@@ -24,7 +24,7 @@ from coupler.trust.in_time import drives, errors, instants, motion, rhythm, stab
 from coupler.trust.in_time.errors import Looked
 from coupler.trust.in_time.phases import Mask
 from coupler.trust.laws import delivered, energy, equilibrium, solved, stored, tables, temperatures
-from coupler.trust.surfaces import facets, passing, penetration, pressures, round_gaps, skipped, unpaired, ways
+from coupler.trust.surfaces import askew, facets, passing, penetration, pressures, round_gaps, skipped, unpaired, ways
 from coupler.trust.table.bodies import Bodies
 from coupler.trust.table.log import TrustLog, check_of_windows, taken
 
@@ -69,6 +69,7 @@ class TrustWatch:
         pairs = models["mechanical"].get("pairs", {})
         self._yields = penetration.Yields(interface, {n for n, p in pairs.items() if p.get("augmented")})
         self._facets = facets.Facets(interface, self._yields)
+        self._askew = askew.Askew(interface, models["mechanical"])
         self._round_gaps = round_gaps.RoundGaps(interface, models["thermal"])
         of_heat = models["thermal"].get("pairs", {})
         self._meeting = [(pair.slave.partition(".")[0], pair.master.partition(".")[0]) for pair in interface.pairs
@@ -129,6 +130,7 @@ class TrustWatch:
             unpaired=self._unpaired.watched(log.unpaired, now),
             penetration=self._yields.watched(log.penetration, now),
             facets=log.facets if self._prescribed else self._facets.watched(log.facets, now),
+            askew=self._askew.watched(log.askew, now),
             round_gaps=self._round_gaps.watched(log.round_gaps, now, now.t - before.t),
             skipped=self._placed.watched(log.skipped, before, now, reads),
             ways=self._ways.watched(log.ways, before, now),
@@ -225,6 +227,7 @@ class TrustWatch:
             *self._unpaired.checks(log.unpaired, place(log.unpaired.node, log.unpaired.end), self._prescribed),
             penetration.check(log.penetration, self._yields, self._prescribed),
             *(() if self._prescribed else facets.checks(log.facets, self._facets)),
+            *self._askew.checks(log.askew),
             *self._round_gaps.checks(log.round_gaps),
             *equilibrium.checks(log.equilibrium),
             *self._motion.checks(log.motion),
