@@ -7,41 +7,12 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from contact.half.linalg import SingularMatrixError
 from mechanical_fmu.advance import predicted, solved
 from mechanical_fmu.newton import Equilibrium, NoEquilibriumError, SolverSettings
-from mechanical_fmu.system import ForceBalance, Loading, System
-from mechanical_fmu.tangent import refuse_loose
+from mechanical_fmu.system import Loading, System
 from mechanical_fmu.volume import CellError
 
 Floats = NDArray[np.float64]
-
-# The first guess of a scene in which a body rests on another, their gap 0: nothing presses yet, so nothing holds.
-
-# Surfaces nearer than this share of a body's size touch as drawn: the round-off of coordinates in a file.
-TOUCHING_AS_DRAWN = 1e-9
-
-
-def resting(system: System, u: Floats, loading: Loading) -> ForceBalance:
-    """Compute the balance to begin with at u : (n_nodes, 2) [m], with its tangent.
-
-    Where a body is loose, surfaces that touch as drawn count as closed, under a pressure that lasts for this one
-    guess: it says where contact can hold, and the equilibrium found from it knows nothing of it.
-    """
-    first = predicted(system, u, loading, True)
-    if loading.query is None:
-        return first
-    try:
-        refuse_loose(system, first)
-    except SingularMatrixError:
-        pressure = TOUCHING_AS_DRAWN * float(system.size.min()) * max(pair.eps_N for pair in system.interface.pairs)
-        slaves = system.contact.multiplied([pair.name for pair in system.interface.pairs if not pair.tied])
-        # fault: bodies that touch as drawn fall -> query = loading.query.with_multipliers(np.where(slaves, 0.0, 0.0)) |
-        #   mechanical_fmu/test_solution_loads
-        query = loading.query.with_multipliers(np.where(slaves, -pressure, 0.0))
-        return predicted(system, u, replace(loading, query=query), True)
-    return first
-
 
 # A start cannot be cut: it may take so many times the iterations of a step.  A slender body that lies along another,
 # with no load yet, peels off it node by node: 40 edges of a belt on a drum took 183, and came no nearer in 92 of them.
@@ -62,7 +33,7 @@ def started(system: System, u: Floats, loading: Loading, settings: SolverSetting
     """
     patient = replace(settings, max_iterations=START_PATIENCE * settings.max_iterations)
     try:
-        return solved(system, u, loading, resting(system, u, loading), None, patient)
+        return solved(system, u, loading, predicted(system, u, loading, True), None, patient)
     except (NoEquilibriumError, CellError) as exc:
         failed = exc
     at, share, step = u, 0.0, 0.5
