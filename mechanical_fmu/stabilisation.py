@@ -138,9 +138,14 @@ def stabilised(system: System, loading: Loading, first: ForceBalance, settings: 
     pulled = ". It touched when the step began: the loads may be more than friction can hold"
     if not (system.contact.slips and _touches(first)):
         pulled = ""
-    raise LooseBodyError(f"{loosest}; damped, it went {float(np.abs(found.u - first.u).max()):.3g} m and met nothing "
-                         f"that holds it{pulled}" if loosest is not None else
-                         f"no equilibrium after {MOST_INCREMENTS} damped increments of a body that only contact holds")
+    went = f"{float(np.abs(found.u - first.u).max()):.3g} m"
+    if loosest is not None:
+        raise LooseBodyError(f"{loosest}; damped, it went {went} and met nothing that holds it{pulled}")
+    # fault: nobody knows which body only contact holds -> who = "" | mechanical_fmu/test_first_contact
+    who = " and ".join(system.interface.bodies[body] for body in loose.bodies)
+    raise LooseBodyError(f"only contact holds {who}, and {MOST_INCREMENTS} damped increments, by {went}, found no "
+                         "place where it does: prescribe one more displacement of it until it presses (`until:`), let "
+                         "the load begin smaller, or give its pair friction")
 
 
 def left_behind(system: System, loading: Loading, u: Floats, found: ForceBalance, tolerance: float

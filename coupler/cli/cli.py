@@ -18,6 +18,7 @@ from typing import Annotated, Any, cast
 
 import typer
 from typer.core import TyperCommand, TyperGroup
+from typer.exceptions import TyperException
 from typer.main import get_command
 
 from contact.compiled import interpret
@@ -124,6 +125,18 @@ class _Verbs(TyperGroup):
 
             ctx.fail(f"No such command {args[0]!r}. {did_you_mean(args[0], VERBS)}")
         return super().resolve_command(ctx, args)
+
+    def invoke(self, ctx: Any) -> Any:
+        try:
+            return super().invoke(ctx)
+        except TyperException as exc:
+            # Of these typer tells people, and ends the process.
+            # fault: a script that mistypes an option gets no JSON -> if False: | coupler/test_cli
+            if "--json" in sys.argv[1:]:
+                from coupler.cli.failure import misused
+
+                typer.echo(json.dumps(misused(exc.format_message(), BAD_INPUT), indent=1))
+            raise
 
     def get_command(self, ctx: Any, cmd_name: str) -> Any:
         return _Named(cmd_name, callback=None, help=VERBS[cmd_name].about) if cmd_name in VERBS else None

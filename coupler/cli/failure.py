@@ -24,6 +24,12 @@ def failure(error: SlidelineError | LinkError, code: int) -> dict[str, Any]:
             "notes": [note.removeprefix("note: ") for note in getattr(error, "__notes__", ())]}
 
 
+def misused(message: str, code: int) -> dict[str, Any]:
+    """Return the facts of a command, an option or an argument that there is not, as of `failure`."""
+    fact = {"kind": "usage", "message": message, "where": {}, "remedy": "`slideline COMMAND --help` names its options."}
+    return {"outcome": "failed", "exit_code": code, "errors": [fact], "notes": []}
+
+
 def _facts(error: SlidelineError | LinkError) -> dict[str, Any]:
     return {"kind": next((kind for of, kind in KINDS.items() if isinstance(error, of)), "other"),
             "message": getattr(error, "message", str(error)), "where": _where(error),

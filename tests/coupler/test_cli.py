@@ -159,7 +159,7 @@ def test_a_script_reads_why_a_command_failed(tmp_path, monkeypatch, capsys):
         with pytest.raises(SystemExit) as ended:
             cli.main()
         told = capsys.readouterr()
-        assert "error: " in told.err
+        assert "error" in told.err.lower()
         facts = json.loads(told.out)
         assert (facts["outcome"], facts["exit_code"]) == ("failed", ended.value.code)
         assert not any(note.startswith("note") for note in facts["notes"])
@@ -169,6 +169,10 @@ def test_a_script_reads_why_a_command_failed(tmp_path, monkeypatch, capsys):
     assert (code, {e["where"]["key"] for e in errors}) == (2, {"coupling.shceme", "geometry"})
     assert all(e["kind"] == "input" and e["message"] and e["remedy"] for e in errors)
     assert failed("status", "nowhere.h5")[1][0]["kind"] == "results"
+    for wrong in (["run", BARS, "--nuthing"], ["run"], ["rum", BARS]):
+        code, errors = failed(*wrong)
+        assert (code, errors[0]["kind"]) == (2, "usage")
+        assert errors[0]["message"]
     monkeypatch.setattr("coupler.cli.running.run", _no_equilibrium)
     code, errors = failed("run", BARS, "-q")
     assert (code, errors) == (1, [{"kind": "window", "message": "no equilibrium", "remedy": "Use smaller windows",

@@ -19,6 +19,7 @@ from test_hertz import scene as hertz
 from contact.rpc.link import open_link
 from mechanical_fmu import enforcement, stabilisation
 from mechanical_fmu.elastic_half import load
+from mechanical_fmu.newton import NoEquilibriumError
 
 FORCE = 1e6  # N, of two blocks of 1 m
 FOOT = [hold("lower.bottom", 0), hold("lower.bottom", 1)]
@@ -118,6 +119,22 @@ def test_a_body_that_meets_nothing_is_told_with_its_way():
     way, _, _ = answer.message.partition(" m and met nothing that holds it")
     # Outside the scene there is nothing to meet; an increment goes a tenth of a body at most.
     assert float(way.split()[-1]) < 1.1 * np.ptp(interface.nodes, axis=0).max()
+
+
+def test_a_body_that_finds_no_place_is_named_with_what_helps(monkeypatch):
+    """It said that a body that only contact holds was damped in vain, not which, nor what to do."""
+    def never(*_):
+        raise NoEquilibriumError("none")
+
+    monkeypatch.setattr(stabilisation, "refuse_loose", never)
+    monkeypatch.setattr(stabilisation, "MOST_INCREMENTS", 3)
+    interface = blocks(4, 3, gap=1e-3)
+    half = elastic(interface, [*FOOT, hold("upper.middle", 0), {"on": "upper.top", "t_y": ramp(-FORCE)}])
+    with closing(open_link("direct")) as link:
+        state, _ = half.start(inputs_of(half), 0.0, link)
+        answer = half.step(state, inputs_of(half), 0.0, 1.0, link)
+    assert "only contact holds upper, and 3 damped increments" in answer.message
+    assert "until:" in answer.message
 
 
 def above_its_floor(gap):
