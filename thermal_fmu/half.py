@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -31,6 +32,7 @@ from thermal_fmu.contact_quadrature import ContactPoints, contact_points, touchi
 from thermal_fmu.elsewhere import begun_with, course_of, course_outputs, course_variables, damps_of
 from thermal_fmu.extremes import UNKNOWN, HalvedScene, StepEnded, extreme_variables
 from thermal_fmu.flux import heat_flux
+from thermal_fmu.fronts import FRONT_OFF, front_off, front_variables
 from thermal_fmu.known import KnownRange, range_of, widened
 from thermal_fmu.linear import AnchorMatrix, Factors
 from thermal_fmu.mesh_error import (
@@ -272,7 +274,9 @@ class ThermalHalf:
         if scene.model.elsewhere.size:
             outputs |= course_outputs(scene.interface.contact_nodes, scene.melting, state.s, [(t, state.s)], t, 1.0)
         fields = field_outputs(scene, shapes_of(scene.volume, X), state.s, None)
-        unknown = {} if self._halved is None else dict.fromkeys(self._halved.names, UNKNOWN)
+        unknown: dict[str, Value] = {} if self._halved is None else dict.fromkeys(self._halved.names, UNKNOWN)
+        if self._halved is not None and scene.melting:
+            unknown[FRONT_OFF] = np.zeros(state.s.size)
         return state, replace(fields, now=outputs | dict(fields.now) | unknown)
 
     def step(self, state: ThermalState, inputs: Values, t: float, h: float, link: Link) -> Done | Discard:
@@ -387,8 +391,12 @@ class ThermalHalf:
                         t + h - max(state.began, self._calendar.last_jump(t + h, h)), method.stores, E_M, facing,
                         points, t_N, E_friction)
         # Of what a run asks for now and then a state in bytes keeps nothing: it costs more than a step.
-        return Done(new, replace(fields, apart=self._halved.outputs(end),
-                                 unless_asked=dict.fromkeys(self._halved.names, UNKNOWN)))
+        apart = self._halved.outputs(end)
+        unless_asked: dict[str, Value] = dict.fromkeys(self._halved.names, UNKNOWN)
+        if scene.melting:
+            apart |= {FRONT_OFF: partial(front_off, end)}
+            unless_asked[FRONT_OFF] = np.full(done.s.size, np.nan)
+        return Done(new, replace(fields, apart=apart, unless_asked=unless_asked))
 
     def _jumps(self, before: SteadyFlow, load: LoadFactors, t: float, h: float) -> bool:
         """Whether what acts from t [s] on is other than what acted up to then."""
@@ -462,7 +470,7 @@ def _variables(scene: ThermalScene) -> tuple[Variable, ...]:
     if scene.given is not None or scene.program is not None:
         return (*face, *field_variables(scene))
     # Who reads what lies near reads what is costly by the way, so that is the last.
-    return (*face, *mesh_variables(scene), *field_variables(scene),
+    return (*face, *mesh_variables(scene), *field_variables(scene), *front_variables(scene.interface, scene.melting),
             *extreme_variables(scene.interface, solved_bodies(scene)))
 
 

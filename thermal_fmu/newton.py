@@ -138,13 +138,13 @@ def balance(problem: StageProblem, s: Floats, jacobian: bool) -> StageBalance:
     matrix, pull = None, None
     if jacobian:
         lifted = np.where(scene.fixed, s - problem.s_n, 0.0)
-        matrix, pull = _matrix(scene, boundary, slope, at.dT, data, lifted)
+        matrix, pull = matrix_of(scene, boundary, slope, at.dT, data, lifted)
     flow = f + reaction / weight if weight else f
     return StageBalance(R, flow, inside, boundary.given, boundary.terms, boundary.each, stored, norm, missing, scale,
                         matrix, pull, of_own)
 
 
-def _matrix(scene: ThermalScene, boundary: BoundaryHeat, slope: float, dT: Floats | None, data: Floats,
+def matrix_of(scene: ThermalScene, boundary: BoundaryHeat, slope: float, dT: Floats | None, data: Floats,
             lifted: Floats) -> tuple[csr_matrix, Floats | None]:
     """Return the matrix, rows and columns of fixed nodes those of the identity, and those columns times lifted : (n,).
     """

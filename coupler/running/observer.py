@@ -26,6 +26,7 @@ from coupler.schemes.levels import Level
 from coupler.schemes.state import CoupledState, Halves
 from coupler.trust.checks import Check
 from coupler.trust.in_space.extremes import extreme_outputs
+from coupler.trust.in_space.fronts import front_outputs
 from coupler.trust.in_space.heat_mesh import heat_mesh_outputs
 from coupler.trust.in_space.mesh import mesh_outputs
 from coupler.trust.in_space.peak_stress import stress_outputs
@@ -68,6 +69,7 @@ class Observer:
                          "thermal": heat_mesh_outputs(halves.thermal.blocks)}
         self._of_stress = {"mechanical": stress_outputs(halves.mechanical.blocks, interface, scenario.own_meshes)}
         self._of_extremes = extreme_outputs(halves.thermal.blocks)
+        self._of_fronts = front_outputs(halves.thermal.blocks, interface, scenario.own_meshes)
         self.choice = frame_choice(scenario.output.most, scenario.coupling.end, len(interface.nodes),
                                    self.outputs.fields)
         self.trust = TrustLog()
@@ -107,6 +109,8 @@ class Observer:
         self._look_at_mesh(look, now.t)
         self.choice = self.choice.begun(now)
         self._look_at_equilibrium(look, now.t, at_end)
+        if self._of_fronts:
+            self.trust = self._watch.with_fronts(self.trust, None, now)
 
     def judge(self, tried: Tried, before: Level, fresh: bool) -> None:
         """Note what an accepted window says of whether the run can be trusted.
@@ -150,6 +154,10 @@ class Observer:
         if due:
             self.frame(now, look, chosen=not asked)
         self._look_at_equilibrium(look, now.t, at_end)
+        # fault: nobody asks what fronts put temperatures off by -> if False: | coupler/test_trust_fronts
+        if self._of_fronts:
+            off = np.asarray(look.read("thermal", self._of_fronts)[self._of_fronts[0]])
+            self.trust = self._watch.with_fronts(self.trust, off, now)
         event, end = tried.span.clock.seconds(tried.after.control.event), self._scenario.coupling.end
         # fault: nobody asks how far extremes are off -> if False: | coupler/test_trust_extremes
         if self._of_extremes and self._watch.wants_extremes(self.trust, at_end, now.t, event, end):

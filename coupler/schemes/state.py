@@ -175,6 +175,7 @@ ACROSS = "across.T_off"  # of a thermal half with one temperature across: how fa
 OFF_MESH = "mesh.T_off"  # of a thermal half on a mesh of its own: what the scene's does not hold of T [K]
 ELASTIC_STRAIN = "elastic_strain"  # of a mechanical half whose bodies remember, (n_cells, 4)
 T_MISSED = "mesh.T_missed."  # of a body, of a thermal half: what its cells are too large for [K]
+FRONT_OFF = "mesh.T_front_off"  # of nodes: what a front of melting puts them off by [K]
 HIGH_OFF, LOW_OFF = "mesh.T_high_off.", "mesh.T_low_off."  # what its highest and lowest T are off by for it [K]
 RESIDUAL = "residual"  # of either half: what its equations leave, as a share of the heat, or of the forces [1]
 MADE, KINETIC = "energy.made", "energy.kinetic"  # of a mechanical half with inertia: of nothing, of motion [J]

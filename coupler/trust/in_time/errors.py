@@ -328,11 +328,14 @@ def scales(log: ErrorLog, units: Sequence[str], nothing: Mapping[str, float] = N
 
 @dataclass(frozen=True)
 class ProbeError:
-    """error : a probe may be off by over the run.  range : how far it went.  Both in `unit`, which is SI."""
+    """error : a probe may be off by over the run, by its windows.  range : how far it went.  mesh : it may be off by
+    where something melts, by its cells (in_space.fronts).  All in `unit`, which is SI.
+    """
 
     error: float
     range: float
     unit: str
+    mesh: float = 0.0
 
 
 def table(log: ErrorLog, probes: Mapping[str, str]) -> dict[str, ProbeError]:

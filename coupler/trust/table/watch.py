@@ -19,7 +19,7 @@ from coupler.schemes.ledger import NO_TERMS, imbalance
 from coupler.schemes.levels import Level
 from coupler.schemes.state import ACROSS, OFF_MESH, SHAPE_OFF
 from coupler.trust.checks import Check, measured
-from coupler.trust.in_space import across, at_nodes, carried, extremes, heat_mesh, mesh, peak_stress
+from coupler.trust.in_space import across, at_nodes, carried, extremes, fronts, heat_mesh, mesh, peak_stress
 from coupler.trust.in_time import drives, errors, instants, motion, rhythm, stability, steady
 from coupler.trust.in_time.errors import Looked
 from coupler.trust.in_time.phases import Mask
@@ -43,14 +43,14 @@ class TrustWatch:
                  own_meshes: Collection[str] = (), ignored: Collection[str] = (), substeps: int = 1,
                  iterated: bool = False, fits: Mapping[str, Any] | None = None, looks: int = 1,
                  slight: Mapping[str, float] = NOTHING, moving: Mask | None = None,
-                 stress: Mapping[str, Probe] | None = None, rules: Sequence[Rule] = ()) -> None:
+                 probed: Mapping[str, Probe] | None = None, rules: Sequence[Rule] = ()) -> None:
         """models : of the halves (model.json).  probes : name -> unit; none: mean temperatures of bodies stand for
         them (`means`).  adaptive : whether windows find their own size.  own_meshes : the roles of halves on one.
         ignored : paths of the scene that the thermal half may leave out.  substeps : of the mechanical half in a
         window.  iterated : whether every window is.  fits : pair -> its clearance or interference, as stated.  looks :
         substeps of the thermal half in a window.  slight : unit -> an error that harms nobody [SI].
-        moving : (n,) which of the probes the mechanical half makes.  stress : probes by name, those that read a
-        stress among them.  rules : of the scenario.
+        moving : (n,) which of the probes the mechanical half makes.  probed : the probes themselves, by name, those
+        that read a stress among them.  rules : of the scenario.
         """
         self._driving = drives.always_on(rules)
         self._slight = slight
@@ -74,7 +74,8 @@ class TrustWatch:
         of_heat = models["thermal"].get("pairs", {})
         self._meeting = [(pair.slave.partition(".")[0], pair.master.partition(".")[0]) for pair in interface.pairs
                          if of_heat.get(pair.name)]
-        self._peak_stress = peak_stress.PeakStress(interface, models["mechanical"], stress or {})
+        self._peak_stress = peak_stress.PeakStress(interface, models["mechanical"], probed or {})
+        self._probed = dict(probed or {})
         self._tables = tables.MaterialTables(interface, models)
         self._pressures = pressures.PressureTables(interface, models["thermal"])
         self._stored = stored.StoredHeat(interface, models["thermal"], "thermal" in self._own_meshes,
@@ -181,6 +182,13 @@ class TrustWatch:
         return replace(log, extremes=extremes.watched(log.extremes, told, reached, log.windows,
                                                       log.temperatures.own_span, now.t))
 
+    def with_fronts(self, log: TrustLog, off: Array | None, now: Level) -> TrustLog:
+        """Return the log after the thermal half told what fronts put its nodes off by now : (n,) [K].
+
+        None: at the start.
+        """
+        return replace(log, fronts=fronts.watched(log.fronts, self._probed, now.T, off, now.t))
+
     def acted(self, log: TrustLog, acted: instants.Acted) -> TrustLog:
         """Return the log after rules were asked at the end of a window that was taken."""
         return replace(log, instants=instants.watched(log.instants, acted),
@@ -193,7 +201,8 @@ class TrustWatch:
 
     def probe_errors(self, log: TrustLog) -> dict[str, dict[str, Any]]:
         """Return probe -> estimated error, range and unit, SI, as plain values; empty: no window was looked at."""
-        return {n: asdict(row) for n, row in errors.table(log.errors, self._probes).items()}
+        off = fronts.off_of(log.fronts)
+        return {n: asdict(row) | {"mesh": off.get(n, 0.0)} for n, row in errors.table(log.errors, self._probes).items()}
 
     def judged(self, log: TrustLog, totals: Mapping[str, float],
                handed: Mapping[str, float] = NOTHING, left: Mapping[str, float] = NOTHING, *,
@@ -217,6 +226,7 @@ class TrustWatch:
             *carried.shape_checks(log.shapes, "mechanical" in self._own_meshes),
             *heat_mesh.checks(log.heat_mesh, log.temperatures.heat_span, self._meeting, self._slight.get("K", 0.0)),
             *extremes.checks(log.extremes, log.temperatures.own_span, self._slight.get("K", 0.0)),
+            *fronts.checks(log.fronts, self._slight.get("K", 0.0)),
             *mesh.checks(log.mesh),
             *self._peak_stress.checks(log.peak_stress, mesh.bears(log.mesh) if log.mesh.energy else
                                       dict.fromkeys(self._interface.bodies, True), self._nothing.get("Pa", 0.0)),
