@@ -106,7 +106,7 @@ class Observer:
         self.recorder.start(now, self.probes.values(now, look), friction(self._both["mechanical"], look),
                             self.conditions.read(look), self.outputs.ranges(now, self._interface, look))
         self.frame(now, look)
-        self._look_at_mesh(look, now.t)
+        self._look_at_mesh(look, now)
         self.choice = self.choice.begun(now)
         self._look_at_equilibrium(look, now.t, at_end)
         if self._of_fronts:
@@ -144,7 +144,7 @@ class Observer:
         # Of a frame, and of the end: in every window it would cost what stress costs.
         # fault: what the mesh misses is not asked for -> if False: | coupler/test_trust_mesh
         if due or at_end:
-            self._look_at_mesh(look, now.t)
+            self._look_at_mesh(look, now)
         record = replace(_record_of(tried, monitors), friction=friction(self._both["mechanical"], look),
                          conditions=self.conditions.read(look),
                          ranges=self.outputs.ranges(tried.solved.state.now, self._interface, look))
@@ -196,15 +196,15 @@ class Observer:
         more = (self.outputs.frame_names, self._of_mesh, self._of_stress) if framed else ()
         return Look(self._both, together(self._each_window, *more))
 
-    def _look_at_mesh(self, look: Look, t: float) -> None:
+    def _look_at_mesh(self, look: Look, now: Level) -> None:
         """Note what the meshes miss now."""
         told, of_heat = ({n: float(v) for n, v in look.read(role, self._of_mesh[role]).items()}
                          for role in ("mechanical", "thermal"))
-        self.trust = self._watch.looked_at_mesh(self.trust, told, of_heat, t)
+        self.trust = self._watch.looked_at_mesh(self.trust, told, of_heat, now.t)
         stress = self._of_stress["mechanical"]
         # fault: nobody holds the stress of cells against that at nodes -> if False: | coupler/test_trust_peak_stress
         if stress:
-            self.trust = self._watch.looked_at_stress(self.trust, look.read("mechanical", stress), t)
+            self.trust = self._watch.looked_at_stress(self.trust, look.read("mechanical", stress), now)
 
     def _look_at_equilibrium(self, look: Look, t: float, at_end: bool) -> None:
         """Ask the mechanical half now and then whether its equilibrium is stable."""

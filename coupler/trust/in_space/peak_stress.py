@@ -96,6 +96,7 @@ class PeakStress:
         melts = self._with(MELTS)
         solid = {name: b for b, name in enumerate(interface.bodies)
                  if not (about.get(name, {}).get("rigid") or melts & set(_materials(about.get(name, {}))))}
+        self._solid = frozenset(solid)
         self._bodies = {name: b for name, b in solid.items() if not flows & set(_materials(about.get(name, {})))}
         asked = {name: (probe, *found) for name, probe in probes.items()
                  if probe.half == "mechanical" and (found := component_of(probe.output, COLUMNS)) and probe.nodes.size}
@@ -127,7 +128,7 @@ class PeakStress:
             for kind, values in of_cells.items():
                 smooth, straight = (of[kind][own] for of in of_rows)
                 row = int(own[np.argmax(smooth)])
-                of = replace(_found(values[cells].max(), smooth.max(), straight.max(), t,
+                of = replace(found_of(values[cells].max(), smooth.max(), straight.max(), t,
                                     int(self._fits[0].node[row])), along=bool(self._fits[0].along[row]))
                 found[f"{body} {kind}"] = self._curved(of, int(cells[np.argmax(values[cells])]),
                                                        of_cells[VON_MISES])
@@ -143,6 +144,15 @@ class PeakStress:
         worst = {**log.worst, **{n: f for n, f in found.items() if n not in log.worst or f.off >= log.worst[n].off}}
         largest = {n: max(log.largest.get(n, 0.0), abs(f.told), abs(f.at_nodes)) for n, f in found.items()}
         return PeakLog(worst, {**log.largest, **largest}, highest, log.looks + 1)
+
+    def at_nodes(self, stress: Floats) -> tuple[Floats, Floats]:
+        """Return (n_nodes, 4) [Pa] the fields of the second order and of the first, fitted to stress : (n_cells, 4)."""
+        smooth, straight = (fit.of(stress)[self._row_of] for fit in self._fits)
+        return smooth, straight
+
+    def fits_all(self, nodes: NDArray[np.integer]) -> bool:
+        """Whether fields can be fitted at these nodes, all of a body that holds its shape by its stress."""
+        return self._body_of(nodes) in self._solid and bool((self._known[0] & ~self._known[1])[nodes].all())
 
     def checks(self, log: PeakLog, bearing: Mapping[str, bool], nothing: float) -> tuple[Check, ...]:
         """Return the check at the end, none where no half tells its stress.
@@ -217,7 +227,7 @@ class PeakStress:
             node = int(probe.nodes[np.argmax(order) if probe.reduction == "max" else np.argmin(order)])
         elif probe.reduction == "point":
             node = int(probe.nodes[np.argmax(probe.weights)])
-        found = _found(probe.of_cells(values), probe.of(smooth), probe.of(straight), t, node)
+        found = found_of(probe.of_cells(values), probe.of(smooth), probe.of(straight), t, node)
         of_cells = values[probe.cells]
         most = {"max": of_cells, "min": -of_cells, "point": probe.cell_weights}.get(probe.reduction)
         return found if most is None else self._curved(found, int(probe.cells[np.argmax(most)]), sigma_v)
@@ -243,7 +253,10 @@ class PeakStress:
         return Found(found.told, (1.0 + more) * found.told, more * abs(found.told), found.t, node, True)
 
     def _body(self, probe: Probe) -> str:
-        return self._interface.bodies[self._interface.node_body[probe.nodes[0]]]
+        return self._body_of(probe.nodes)
+
+    def _body_of(self, nodes: NDArray[np.integer]) -> str:
+        return self._interface.bodies[self._interface.node_body[nodes[0]]]
 
     @cached_property
     def _fits(self) -> tuple[NodalStress, NodalStress]:
@@ -331,7 +344,7 @@ class PeakStress:
         return f" at ({x:.4g}, {y:.4g}) m"
 
 
-def _found(told: float, smooth: float, straight: float, t: float, node: int) -> Found:
+def found_of(told: float, smooth: float, straight: float, t: float, node: int) -> Found:
     # fault: how well the fit is known does not count -> off = abs(smooth - told) | coupler/test_trust_peak_stress
     off = max(abs(smooth - told), abs(smooth - straight))
     return Found(float(told), float(smooth), float(off), t, node)

@@ -329,7 +329,7 @@ def scales(log: ErrorLog, units: Sequence[str], nothing: Mapping[str, float] = N
 @dataclass(frozen=True)
 class ProbeError:
     """error : a probe may be off by over the run, by its windows.  range : how far it went.  mesh : it may be off by
-    where something melts, by its cells (in_space.fronts).  All in `unit`, which is SI.
+    for its cells, where something melts or a contact presses (in_space.fronts, contact_pressure).  All in `unit`, SI.
     """
 
     error: float

@@ -6,7 +6,7 @@ import math
 from dataclasses import dataclass, field, replace
 
 from coupler.trust.checks import Check, measured
-from coupler.trust.in_space import across, carried, extremes, fronts, heat_mesh, mesh, peak_stress
+from coupler.trust.in_space import across, carried, contact_pressure, extremes, fronts, heat_mesh, mesh, peak_stress
 from coupler.trust.in_time import drives, errors, instants, motion, rhythm, stability, steady
 from coupler.trust.laws import energy, equilibrium, solved, stored, tables, temperatures
 from coupler.trust.surfaces import askew, facets, passing, penetration, pressures, round_gaps, skipped, unpaired, ways
@@ -42,6 +42,7 @@ class TrustLog:
     across: across.AcrossLog = field(default_factory=across.AcrossLog)
     mesh: mesh.MeshLog = field(default_factory=mesh.MeshLog)
     peak_stress: peak_stress.PeakLog = field(default_factory=peak_stress.PeakLog)
+    contact_pressure: contact_pressure.PressureLog = field(default_factory=contact_pressure.PressureLog)
     heat_mesh: heat_mesh.HeatMeshLog = field(default_factory=heat_mesh.HeatMeshLog)
     extremes: extremes.ExtremesLog = field(default_factory=extremes.ExtremesLog)
     fronts: fronts.FrontLog = field(default_factory=fronts.FrontLog)

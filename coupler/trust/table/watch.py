@@ -19,7 +19,17 @@ from coupler.schemes.ledger import NO_TERMS, imbalance
 from coupler.schemes.levels import Level
 from coupler.schemes.state import ACROSS, OFF_MESH, SHAPE_OFF
 from coupler.trust.checks import Check, measured
-from coupler.trust.in_space import across, at_nodes, carried, extremes, fronts, heat_mesh, mesh, peak_stress
+from coupler.trust.in_space import (
+    across,
+    at_nodes,
+    carried,
+    contact_pressure,
+    extremes,
+    fronts,
+    heat_mesh,
+    mesh,
+    peak_stress,
+)
 from coupler.trust.in_time import drives, errors, instants, motion, rhythm, stability, steady
 from coupler.trust.in_time.errors import Looked
 from coupler.trust.in_time.phases import Mask
@@ -76,6 +86,7 @@ class TrustWatch:
                          if of_heat.get(pair.name)]
         self._peak_stress = peak_stress.PeakStress(interface, models["mechanical"], probed or {})
         self._probed = dict(probed or {})
+        self._pressed = contact_pressure.ContactPressure(interface, self._probed, self._peak_stress)
         self._tables = tables.MaterialTables(interface, models)
         self._pressures = pressures.PressureTables(interface, models["thermal"])
         self._stored = stored.StoredHeat(interface, models["thermal"], "thermal" in self._own_meshes,
@@ -167,9 +178,10 @@ class TrustWatch:
         return replace(log, mesh=mesh.watched(log.mesh, told, t),
                        heat_mesh=heat_mesh.watched(log.heat_mesh, of_heat, t))
 
-    def looked_at_stress(self, log: TrustLog, told: Mapping[str, Array], t: float) -> TrustLog:
-        """Return the log after a look at the stress at t [s].  told : outputs of the mechanical half by name [Pa]."""
-        return replace(log, peak_stress=self._peak_stress.watched(log.peak_stress, told, t))
+    def looked_at_stress(self, log: TrustLog, told: Mapping[str, Array], now: Level) -> TrustLog:
+        """Return the log after a look at the stress.  told : outputs of the mechanical half by name [Pa]."""
+        return replace(log, peak_stress=self._peak_stress.watched(log.peak_stress, told, now.t),
+                       contact_pressure=self._pressed.watched(log.contact_pressure, told[peak_stress.STRESS], now))
 
     def wants_extremes(self, log: TrustLog, at_end: bool, t: float, event: float, end: float) -> bool:
         """Whether to ask the thermal half for what its mesh does to extremes.  The rest is as of `extremes.due`."""
@@ -201,7 +213,7 @@ class TrustWatch:
 
     def probe_errors(self, log: TrustLog) -> dict[str, dict[str, Any]]:
         """Return probe -> estimated error, range and unit, SI, as plain values; empty: no window was looked at."""
-        off = fronts.off_of(log.fronts)
+        off = {n: found.off for n, found in log.contact_pressure.worst.items()} | fronts.off_of(log.fronts)
         return {n: asdict(row) | {"mesh": off.get(n, 0.0)} for n, row in errors.table(log.errors, self._probes).items()}
 
     def judged(self, log: TrustLog, totals: Mapping[str, float],
@@ -230,6 +242,7 @@ class TrustWatch:
             *mesh.checks(log.mesh),
             *self._peak_stress.checks(log.peak_stress, mesh.bears(log.mesh) if log.mesh.energy else
                                       dict.fromkeys(self._interface.bodies, True), self._nothing.get("Pa", 0.0)),
+            *self._pressed.checks(log.contact_pressure, self._nothing.get("Pa", 0.0)),
             *across.checks(log.across, log.temperatures.span),
             *rhythm.checks(log.rhythm, place(log.rhythm.node), self._interface.bodies),
             *passing.checks(log.passing, place(log.passing.node, log.passing.end), bool(self._interface.pairs),
