@@ -106,6 +106,50 @@ def test_told_at_the_moment_with_its_sign():
     assert np.corrcoef(told[beside], true[beside])[0, 1] > 0.85
 
 
+def at_the_end(cells, wall, start, latent):
+    """(n,) each [K]: T at the insulated end of 50 mm that freezes or melts from the other, and what it is off by."""
+    mesh = scene(Box(0, 0.05, 0, 0.01, cells, 1))
+    model = spec([{"on": "a.left", "temperature": wall}], T0=start, rho=RHO, method="sdirk2",
+                 k={"solid": K[0], "liquid": K[1]}, c={"solid": C[0], "liquid": C[1]})
+    model["materials"]["m"]["latent"] = {"L": L} | latent
+    half, found, n = load(mesh, model), [], 250
+    state, _ = half.start(inputs_of(mesh, half), 0.0, FlatContact())
+    for i in range(n):
+        done = half.step(state, inputs_of(mesh, half), 0.4 * i, 0.4, FlatContact())
+        assert isinstance(done, Done), done
+        state, at = done.state, int(mesh.nodes[:, 0].argmax())
+        found.append((np.asarray(done.outputs["T"])[at], np.asarray(done.outputs[FRONT_OFF])[at]))
+    return np.array(found).T
+
+
+@pytest.mark.parametrize(("wall", "start", "latent"), [
+    (723.0, 943.0, {"T_m": T_M}), (1333.0, 923.0, {"T_m": T_M}), (723.0, 943.0, {"T_s": 928.0, "T_l": T_M})])
+def test_the_last_place_to_freeze_or_melt_is_late(wall, start, latent):
+    """36, 39 and 20 K are told of 40, 51 and 36 K: it stays at its melting point until it goes at once."""
+    T, told = at_the_end(10, wall, start, latent)
+    true = np.abs(at_the_end(80, wall, start, latent)[0] - T)
+    assert 0.5 * true.max() < np.abs(told).max() < 1.2 * true.max()
+
+
+def test_a_surface_that_begins_to_freeze_is_not_the_last_to_melt():
+    """At most half of what temperatures differ by across its cell is told of it, while less than a quarter is solid."""
+    mesh = scene(Box(0, 0.05, 0, 0.01, 10, 1))
+    model = spec([{"on": "a.left", "convection": {"h": 3000.0, "T": 300.0}}], T0=POURED, rho=RHO, method="sdirk2",
+                 k={"solid": K[0], "liquid": K[1]}, c={"solid": C[0], "liquid": C[1]})
+    model["materials"]["m"]["latent"] = {"L": L, "T_m": T_M}
+    half, seen, left = load(mesh, model), 0, int(mesh.nodes[:, 0].argmin())
+    state, _ = half.start(inputs_of(mesh, half), 0.0, FlatContact())
+    for i in range(20):
+        done = half.step(state, inputs_of(mesh, half), 0.1 * i, 0.1, FlatContact())
+        assert isinstance(done, Done), done
+        state, out = done.state, done.outputs
+        if 0.0 < np.asarray(out["f_s"])[left] < 0.25:
+            T = np.asarray(out["T"])
+            assert abs(np.asarray(out[FRONT_OFF])[left]) <= 0.5 * (np.sort(np.unique(T.round(9)))[1] - T_M) + 1e-6
+            seen += 1
+    assert seen
+
+
 def test_nothing_is_told_where_nothing_melts():
     half = load(scene(Box(0, 1, 0, 1, 2, 2)), spec([]))
     assert FRONT_OFF not in {v.name for v in half.variables}
