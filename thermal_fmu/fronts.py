@@ -114,8 +114,16 @@ def _ranges(blocks: Sequence[CellBlock], T: Floats) -> Floats:
 
 def shifted(change: PhaseChange, s: Floats, dT: Floats) -> Floats:
     """Return T' : (m,) [K] about which a range dT : (m,) [K] stores what nodes at s : (m,) [K] do."""
-    T, phi = change.temperature(s), 1.0 - change.solid_fraction(s)
-    low, high = change.T_s, change.T_l
+    T = change.temperature(s)
+    # Of all others nothing within reach melts: T' = T.
+    near = (dT > 0.0) & (T - dT < change.T_l) & (T + dT > change.T_s)
+    T[near] = _shifted(change, s[near], T[near], dT[near])
+    return T
+
+
+def _shifted(change: PhaseChange, s: Floats, T: Floats, dT: Floats) -> Floats:
+    """As shifted, T : (m,) [K] at s, dT above 0."""
+    phi, low, high = 1.0 - change.solid_fraction(s), change.T_s, change.T_l
     c_s, c_l = (float(c(np.array(at))) for c, at in ((change.solid, low), (change.liquid, high)))
     melt = change.L + 0.5 * (c_s + c_l) * (high - low)
 
@@ -127,13 +135,12 @@ def shifted(change: PhaseChange, s: Floats, dT: Floats) -> Floats:
         return 0.5 * c_s * np.minimum(T - low, 0.0) ** 2 + mushy + melt * beyond + 0.5 * c_l * beyond**2
 
     h = c_s * np.minimum(T - low, 0.0) + melt * phi + c_l * np.maximum(T - high, 0.0)
-    far = dT > 0.0
     least, most = T - 0.5 * dT, T + 0.5 * dT
     for _ in range(HALVINGS):
         middle = 0.5 * (least + most)
-        mean = np.divide(area(middle + 0.5 * dT) - area(middle - 0.5 * dT), dT, out=h.copy(), where=far)
+        mean = (area(middle + 0.5 * dT) - area(middle - 0.5 * dT)) / dT
         least, most = np.where(mean < h, middle, least), np.where(mean < h, most, middle)
-    return np.where(far, 0.5 * (least + most), T)
+    return 0.5 * (least + most)
 
 
 def _late(change: PhaseChange, c: Property, f: Floats, beyond: Floats, dT: Floats, goes_on: NDArray[np.bool_]

@@ -69,7 +69,9 @@ class Observer:
                          "thermal": heat_mesh_outputs(halves.thermal.blocks)}
         self._of_stress = {"mechanical": stress_outputs(halves.mechanical.blocks, interface, scenario.own_meshes)}
         self._of_extremes = extreme_outputs(halves.thermal.blocks)
-        self._of_fronts = front_outputs(halves.thermal.blocks, interface, scenario.own_meshes)
+        # Nobody else needs to know in every window.
+        probed = any(probe.quantity == "T" for probe in scenario.probes.values())
+        self._of_fronts = front_outputs(halves.thermal.blocks, interface, scenario.own_meshes) if probed else []
         self.choice = frame_choice(scenario.output.most, scenario.coupling.end, len(interface.nodes),
                                    self.outputs.fields)
         self.trust = TrustLog()

@@ -58,6 +58,11 @@ def test_a_point_that_a_front_passes(tmp_path):
     assert results.probe_errors["far"].mesh < 0.02 * told
     assert results.probe_errors["frozen"].mesh == 0.0
     assert not results.broken
+    # Frames have it of each node; of each window, where it costs more than a step, its extremes are not kept.
+    at, off = results.field("thermal.mesh.T_front_off")
+    assert off.shape == (at.size, 82)
+    assert np.abs(off).max() > 0.5 * told
+    assert not [name for name in results.extremes if "front_off" in name]
 
 
 def test_a_range_of_melting_that_cells_resolve_is_no_front(tmp_path):
