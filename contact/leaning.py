@@ -6,8 +6,8 @@ of its tilt, and a bouncing block gains or loses energy by it.  So the rays at a
 to, as far as the cone goes, and turn with that face; they go back to the edge's own along the edge, which is long
 beside what digs in.  (The corner law of nonsmooth contact: Pandolfi, Kane, Marsden & Ortiz 2002.)
 
-Only passes whose pieces end where the gap is 0 (contact.search) do so.  Where multipliers make faces fit each other,
-edges and faces have one normal anyway.
+Only passes of a penalty alone whose master does not deform do so.  A face that deforms comes to fit what presses on it,
+so that both have one normal where its edges are fine enough; at the corner itself its normals jump, and the rays would.
 """
 
 from __future__ import annotations
