@@ -94,6 +94,33 @@ def test_a_node_that_sinks_in_where_nothing_presses_breaks_trust(augmented: tupl
     assert found["nodes", 1e-6].verdict == found["edges", 2e-3].verdict == "holds"
 
 
+def test_a_corner_that_sinks_in_where_nothing_presses_breaks_trust(tmp_path: Path) -> None:
+    """On a long edge multipliers may press nowhere: a wedge went 0.2 mm into a floor without a force, exit 0."""
+    interface = load_text(tmp_path, GOOD, {}).interface
+    side, n = interface.side_of("face", "upper.bottom"), len(interface.pair_nodes)
+    x = interface.nodes[side.nodes, 0]
+    corner, within = (side.at.start + int(k) for k in (x.argmin(), np.argsort(x)[1]))
+
+    def found(*windows: tuple[int, float, float]) -> Check:
+        """Windows: the node that is in, how deep, and what presses everywhere."""
+        yields, log = Yields(interface, ("face",)), PenetrationLog()
+        for node, deep, p in windows:
+            gap = np.full(n, np.nan)
+            gap[node] = -deep
+            log = yields.watched(log, Level(1.0, np.full(len(interface.nodes), 300.0), interface.nodes,
+                                            np.full(n, -p), gap, np.ones(n)))
+        return check(log, yields, False)
+
+    told_deep = found((corner, 2e-3, 0.0))
+    assert (told_deep.verdict, told_deep.number) == ("broken", 1.0)
+    assert "a corner penetrates by 0.002 m without any pressure, at t = 1 s" in told_deep.what
+    # What round edges overlap is theirs; a corner that presses later, or did before, has its pressure.
+    assert found((within, 2e-3, 0.0)).verdict == "holds"
+    assert found((corner, 1e-6, 0.0)).verdict == "holds"
+    assert found((corner, 2e-3, 0.0), (corner, 2e-3, P)).verdict == "holds"
+    assert found((corner, 1e-3, P), (corner, 2e-3, 0.0)).verdict == "holds"
+
+
 def test_a_touch_that_a_window_ended_at_is_not_held_against_its_load(tmp_path: Path) -> None:
     """A body that bounces leaves 1e-9 of its load and 1e-6 of its overlap where a window ends as it parts."""
     interface = load_text(tmp_path, GOOD, {}).interface

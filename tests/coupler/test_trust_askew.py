@@ -70,8 +70,14 @@ def test_what_pushes_along_the_face_is_not_told(how: dict[str, object]) -> None:
     assert told.number < 1e-3
 
 
-def test_pairs_with_multipliers_have_no_row() -> None:
-    assert row(0.17, augmented=True) is None
+@pytest.mark.parametrize(("swapped", "verdict"), [(False, TrustVerdict.BROKEN), (True, TrustVerdict.HOLDS)])
+@pytest.mark.parametrize("depths", [(DEEP,), (0.0,)])
+def test_pairs_with_multipliers_are_held_by_their_pressures(swapped: bool, verdict: TrustVerdict,
+                                                            depths: tuple[float, ...]) -> None:
+    """A steel wedge pressed on a steel floor by default was pushed aside by 0.18 of its load; their gap is about 0."""
+    told = row(0.17, swapped=swapped, augmented=True, depths=depths)
+    assert told is not None
+    assert told.verdict is verdict
 
 
 def test_a_faint_touch_counts_by_its_load() -> None:

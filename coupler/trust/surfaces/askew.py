@@ -1,10 +1,12 @@
-"""Whether surfaces that press by their penalty alone press along one normal, or a corner presses askew.
+"""Whether surfaces press along one normal, or a corner presses askew.
 
 Contact pushes along the slave's normals.  Where surfaces fit each other those of the master are the same.  Where a
 corner, or the node of a coarse curve, digs into a face that does not come to fit it, they differ by the tilt of the
 corner's edges, and the force has a part along the face that no friction makes: the sine of that angle.  A steel block
 that fell onto its corner, at 10 degrees, went aside by 13 % of its way, on any mesh that leaves the floor flat.
-Corners lean to faces that do not deform (contact.leaning); there is no such part.
+Corners of pairs that press by their penalty alone lean to faces that do not deform (contact.leaning); there is no such
+part.  Multipliers make faces fit each other where a corner digs in over several edges; over less than one they find no
+face that fits, and it is the same.
 
 The number is the largest sum of that part over a pair, over the pair's largest load.  On a round surface the parts of
 both sides are the same, and cancel.
@@ -44,20 +46,21 @@ class AskewLog:
 
 
 class Askew:
-    """The pairs of a scene that press by their penalty alone."""
+    """The pairs of a scene that press."""
 
     def __init__(self, interface: Interface, mechanical: Mapping[str, Any]) -> None:
         """mechanical : model.json of the half."""
         pairs = mechanical.get("pairs", {})
         self._pairs = {i: pair.name for i, pair in enumerate(interface.pairs)
-                       if mechanical.get("half") == "elastic" and not pair.tied
-                       and pairs.get(pair.name, {}).get("augmented") is None}
+                       if mechanical.get("half") == "elastic" and not pair.tied}
         if not self._pairs:
             return
+        self._augmented = np.array([pairs.get(pair.name, {}).get("augmented") is not None for pair in interface.pairs])
         rigid = [body for body, of in mechanical.get("bodies", {}).items() if of.get("rigid")]
         self._nodes = interface.contact_nodes
         self._surfaces = surfaces_of(register_message(
-            interface, list(self._pairs.values()), [s for s in interface.surfaces if s.partition(".")[0] in rigid]))
+            interface, [n for i, n in self._pairs.items() if not self._augmented[i]],
+            [s for s in interface.surfaces if s.partition(".")[0] in rigid]))
 
     def watched(self, log: AskewLog, now: Level) -> AskewLog:
         """Return the log after one more window."""
@@ -66,9 +69,14 @@ class Askew:
         surfaces = self._surfaces
         cut = cut_surfaces(surfaces, now.x[self._nodes])
         eps = penalties(surfaces.passes.eps_N[cut.number], surfaces.stiffness, cut.met)
-        load = np.maximum(-eps * cut.values[:, 2], 0.0) * cut.values[:, 3]
-        aside = np.where(self._at_corners(cut), load * _between(cut), 0.0)
-        pair = surfaces.passes.pair[cut.number]
+        pair, xi = surfaces.passes.pair[cut.number], cut.values[:, 0]
+        t_N = now.t_N[cut.at[:, :2]]
+        # fault: of pairs that are augmented their overlap counts for their pressure -> held = np.zeros_like(xi) > 0.0 |
+        #   coupler/test_trust_askew
+        held = self._augmented[pair]
+        pressure = np.where(held, -((1.0 - xi) * t_N[:, 0] + xi * t_N[:, 1]), -eps * cut.values[:, 2])
+        load = np.maximum(pressure, 0.0) * cut.values[:, 3]
+        aside = np.where(self._at_corners(cut, t_N[::2], held[::2]), load * _between(cut), 0.0)
         for i, name in self._pairs.items():
             here = pair == i
             whole, part = float(load[here].sum()), abs(float(aside[here].sum()))
@@ -78,9 +86,10 @@ class Askew:
                 log = replace(log, along={**log.along, name: (part, now.t)})
         return log
 
-    def _at_corners(self, cut: Cut) -> NDArray[np.bool_]:
+    def _at_corners(self, cut: Cut, t_N: Array, held: NDArray[np.bool_]) -> NDArray[np.bool_]:
         """Return (n_p,) whether a point is on a slave edge of which an end presses that is a corner of its body.
 
+        t_N : (n_p/2, 2) [Pa] of the slave's nodes of a piece, which tell whether they press where it is held by them.
         Where the master has the corner the normals of the slave's face are those of the force.
         """
         own, at_corner = cut.normals[0, :, 0], np.zeros((len(cut.normals[0]), 2), dtype=np.bool_)
@@ -93,7 +102,8 @@ class Askew:
         for end, near, far in ((0, first, last), (1, last, first)):
             # On from the two points, (1 -+ 1/sqrt 3)/2 of the piece, to where it ends.
             xi, gap = ((near + beyond[:, None] * (near - far))[:, k] for k in (0, 2))
-            pressed = (np.abs(xi - end) < HERE) & (gap < 0.0) & at_corner[cut.met[::2, 0], end]
+            presses = np.where(held, t_N[:, end], gap) < 0.0
+            pressed = (np.abs(xi - end) < HERE) & presses & at_corner[cut.met[::2, 0], end]
             found[cut.number[::2][pressed], cut.met[::2, 0][pressed]] = True
         chosen: NDArray[np.bool_] = found[cut.number, cut.met[:, 0]]
         return chosen

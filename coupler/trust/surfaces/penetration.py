@@ -14,7 +14,8 @@ pair is held against an interference as drawn alone.
 Of a pair with one point a slave node (`form: nodes`) nothing is felt between these: a node of the master there, or one
 of the slave beside the master's end, sinks in as far as the bodies let it.  Such a pair, augmented or not, is held by
 the deepest node of either side.  Where it sinks in and nothing of the pair presses, all of the pressure is missing, and
-the run is not to be trusted.
+the run is not to be trusted.  So it is of an augmented pair where a corner sinks in, and nothing presses by the end: on
+one long edge a corner may lie deep though the gap of the edge is positive in the mean.
 """
 
 from __future__ import annotations
@@ -27,6 +28,7 @@ from numpy.typing import NDArray
 
 from contact.half.interface import Interface, Pair
 from contact.half.outlines import cell_sizes, depths, outline_of, thickness_behind
+from contact.leaning import LEAN_COS
 from coupler.schemes.levels import Level
 from coupler.trust.checks import Check, TrustVerdict, measured
 
@@ -45,7 +47,8 @@ class PenetrationLog:
 
     drawn : whether what matters there was the interference as drawn.  between : whether it is that of one node, where
     no point of the slave presses.  unpressed : the deepest node [m] of a pair of which nothing pressed, of
-    `unpressed_pair` at unpressed_t [s].  most : pair -> the largest load of its slave so far [N/m].
+    `unpressed_pair` at unpressed_t [s]; by_node : whether that has one point a slave node.  most : pair -> the largest
+    load of its slave so far [N/m].
     """
 
     share: float = 0.0
@@ -58,6 +61,7 @@ class PenetrationLog:
     unpressed_pair: str = ""
     unpressed_t: float = 0.0
     most: Mapping[str, float] = field(default_factory=dict)
+    by_node: bool = False
 
 
 @dataclass(frozen=True)
@@ -67,6 +71,7 @@ class PairYield:
     at : (n,) pair nodes of its slave, nodes : (n,) of the mesh, reach : (n,) [m] their share of the surface.
     softness : (n,) 1/M_s + 1/M_m [1/Pa], thick : [m] the thinner body.  drawn : [m] mean depth as drawn, 0: none.
     both : (m,) pair nodes of both sides, of a pair with one point a slave node, else (0,).
+    corners : (m,) pair nodes of both sides at corners, of any other pair, else (0,).
     """
 
     name: str
@@ -77,6 +82,7 @@ class PairYield:
     thick: float
     drawn: float
     both: Indices
+    corners: Indices
 
     def load(self, now: Level) -> Array:
         """Return what each slave node carries, (n,) [N/m], 0 where none presses."""
@@ -114,15 +120,16 @@ class Yields:
             # fault: an overlap of augmented surfaces is held against a pressure not due to it -> held = False |
             #   coupler/test_penetration
             held = pair.name in self._augmented and not pair.drawn
-            if held and not pair.both.size:
-                continue
             load = pair.load(now)
+            if held and not pair.both.size:
+                log = _sunk(pair, log, now, float(load.sum()))
+                continue
             # fault: of points at nodes what lies between them is not told -> deepest = 0.0 | coupler/test_penetration
             deepest = float(np.fmax.reduce(-now.gap[pair.both], initial=0.0))
             if not load.sum() > 0.0:
                 # fault: what sinks in where nothing presses is passed over -> if False: | coupler/test_penetration
                 if deepest > max(UNPRESSED * float(pair.reach.mean()), log.unpressed):
-                    log = replace(log, unpressed=deepest, unpressed_pair=pair.name, unpressed_t=now.t)
+                    log = replace(log, unpressed=deepest, unpressed_pair=pair.name, unpressed_t=now.t, by_node=True)
                 continue
             total, most = float(load.sum()), log.most.get(pair.name, 0.0)
             # A window that ends where a pair parts leaves a load of round-off, to which no overlap belongs.
@@ -138,6 +145,37 @@ class Yields:
                 log = replace(log, share=max(depth, deepest) / matters, pair=pair.name, t=now.t,
                               depth=max(depth, deepest), drawn=pair.drawn > 0.0, between=deepest > depth)
         return log
+
+
+def _sunk(pair: PairYield, log: PenetrationLog, now: Level, load: float) -> PenetrationLog:
+    """Return the log with the corner that lies deepest in an augmented pair of which nothing pressed so far.
+
+    load : of the pair now [N/m].  What presses later is soon as if it had always: that pair's corners are forgotten.
+    """
+    if load > 0.0:
+        mine = log.unpressed_pair == pair.name
+        return replace(log, most={**log.most, pair.name: max(load, log.most.get(pair.name, 0.0))},
+                       unpressed=0.0 if mine else log.unpressed)
+    # fault: a corner that sinks in where multipliers press nowhere is passed over -> deepest = 0.0 |
+    #   coupler/test_penetration
+    deepest = float(np.fmax.reduce(-now.gap[pair.corners], initial=0.0))
+    if pair.name in log.most or not deepest > max(UNPRESSED * float(pair.reach.mean()), log.unpressed):
+        return log
+    return replace(log, unpressed=deepest, unpressed_pair=pair.name, unpressed_t=now.t, by_node=False)
+
+
+def _corners(interface: Interface, pair: Pair) -> Indices:
+    """Return the pair nodes of both sides where a surface ends, or turns by more than 20 degrees."""
+    found = []
+    for name in (pair.slave, pair.master):
+        side, edges = interface.side_of(pair.name, name), interface.surfaces[name]
+        along = interface.nodes[edges[:, 1]] - interface.nodes[edges[:, 0]]
+        along /= np.linalg.norm(along, axis=1)[:, None]
+        leaves = dict(zip(edges[:, 0].tolist(), along, strict=True))
+        meets = dict(zip(edges[:, 1].tolist(), along, strict=True))
+        found += [side.at.start + k for k, node in enumerate(side.nodes.tolist())
+                  if node not in leaves or node not in meets or leaves[node] @ meets[node] < LEAN_COS]
+    return np.array(found, dtype=np.intp)
 
 
 def _yield_of(interface: Interface, pair: Pair) -> PairYield | None:
@@ -157,7 +195,8 @@ def _yield_of(interface: Interface, pair: Pair) -> PairYield | None:
     return PairYield(pair.name, np.arange(own.at.start, own.at.stop), own.nodes.astype(np.intp), reach,
                      softness / reach + float(soft[1].mean()), thick if thick > 0.0 else np.inf,
                      0.0 if pair.name in interface.offset else _drawn(interface, pair, own.nodes.astype(np.intp)),
-                     np.concatenate(both) if pair.by_node else np.empty(0, dtype=np.intp))
+                     np.concatenate(both) if pair.by_node else np.empty(0, dtype=np.intp),
+                     np.empty(0, dtype=np.intp) if pair.by_node else _corners(interface, pair))
 
 
 def _drawn(interface: Interface, pair: Pair, nodes: Indices) -> float:
@@ -175,10 +214,13 @@ def check(log: PenetrationLog, yields: Yields, prescribed: bool) -> Check:
     if prescribed or not yields:
         return Check(SHARE, TrustVerdict.UNCHECKED, what="no pair has two deformable bodies")
     if log.unpressed > 0.0:
-        return Check(SHARE, TrustVerdict.BROKEN, 1.0, SHARES[0], t=log.unpressed_t,
-                     what=f"pair {log.unpressed_pair}: a node penetrates by {log.unpressed:.3g} m without any "
-                          f"pressure, at t = {log.unpressed_t:.6g} s: with form: nodes only the slave's nodes press",
-                     remedy="Use form: edges, which also presses between nodes, or a slave with shorter edges")
+        what, why, remedy = (
+            ("node", "with form: nodes only the slave's nodes press",
+             "Use form: edges, which also presses between nodes, or a slave with shorter edges") if log.by_node else
+            ("corner", "the edges beside it are so long that they are apart in the mean", "Use shorter edges there"))
+        return Check(SHARE, TrustVerdict.BROKEN, 1.0, SHARES[0], t=log.unpressed_t, remedy=remedy,
+                     what=f"pair {log.unpressed_pair}: a {what} penetrates by {log.unpressed:.3g} m without any "
+                          f"pressure, at t = {log.unpressed_t:.6g} s: {why}")
     by = "the interference as drawn" if log.drawn else "the compression of the bodies over the contact zone"
     if log.between:
         return measured(SHARE, log.share, SHARES, t=log.t,
