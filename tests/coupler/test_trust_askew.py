@@ -22,10 +22,10 @@ DEEP = 2e-6  # [m] of the corner
 
 def row(tilt: float, *, swapped: bool = False, rigid: tuple[str, ...] = (), augmented: bool = False,
         depths: tuple[float, ...] = (DEEP,), tilts: tuple[float, ...] | None = None,
-        at_node: bool = False) -> Check | None:
+        at_node: bool = False, dent: float = 0.0) -> Check | None:
     """The row of a block that stands on its corner, so deep in the floor at the ends of windows.
 
-    at_node : the corner is beside a node of the floor, which it presses.
+    at_node : the corner is beside a node of the floor, which it presses.  dent : how deep that node lies [m].
     """
     log, askew = AskewLog(), None
     for k, deep in enumerate(depths):
@@ -40,6 +40,8 @@ def row(tilt: float, *, swapped: bool = False, rigid: tuple[str, ...] = (), augm
             floor = x[interface.surfaces["floor.top"].ravel(), 0]
             corner = x[interface.node_body == 1][x[interface.node_body == 1, 1].argmin(), 0]
             x[interface.node_body == 1, 0] += floor[np.abs(floor - corner).argmin()] - corner - deep
+            x[interface.surfaces["floor.top"].ravel()[np.abs(floor - corner).argmin()], 1] -= dent
+            x[interface.node_body == 1, 1] -= dent
         n_q = interface.pair_nodes.size
         level = Level(float(k + 1), np.full(len(x), 300.0), x, np.full(n_q, -1.0), np.zeros(n_q), np.ones(n_q))
         log = askew.watched(log, level)
@@ -78,6 +80,14 @@ def test_pairs_with_multipliers_are_held_by_their_pressures(swapped: bool, verdi
     told = row(0.17, swapped=swapped, augmented=True, depths=depths)
     assert told is not None
     assert told.verdict is verdict
+
+
+@pytest.mark.parametrize("augmented", [False, True])
+def test_the_print_of_a_punch_is_no_corner(augmented: bool) -> None:
+    """A plastic block kept the print of a punch's edge, and a right run had a broken row: what goes in is no corner."""
+    told = row(0.17, swapped=True, augmented=augmented, at_node=True, dent=0.01)
+    assert told is not None
+    assert told.verdict is TrustVerdict.HOLDS
 
 
 def test_a_faint_touch_counts_by_its_load() -> None:

@@ -94,8 +94,12 @@ class Askew:
         """
         own, at_corner = cut.normals[0, :, 0], np.zeros((len(cut.normals[0]), 2), dtype=np.bool_)
         for end, other in ((0, self._surfaces.previous), (1, self._surfaces.following)):
+            # What goes into the body, as the print of a punch, stands on nothing.
+            # fault: the print of a punch counts as a corner -> goes_out = other >= 0 | coupler/test_trust_askew
+            goes_out = (own[:, 0] * own[other, 1] - own[:, 1] * own[other, 0]) * (2 * end - 1) > 0.0
+            turns = (own * own[other]).sum(axis=1) < LEAN_COS
             # fault: all edges that press count as corners -> at_corner[:, end] = True | coupler/test_trust_askew
-            at_corner[:, end] = (other < 0) | ((own * own[other]).sum(axis=1) < LEAN_COS)
+            at_corner[:, end] = (other < 0) | (turns & goes_out)
         first, last = cut.values[::2], cut.values[1::2]
         beyond = np.where(self._surfaces.passes.by_node[cut.number[::2]] == 1, 0.0, 0.5 * (np.sqrt(3.0) - 1.0))
         found = np.zeros((len(self._surfaces.passes.slave), len(own)), dtype=np.bool_)
