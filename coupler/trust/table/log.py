@@ -9,7 +9,18 @@ from coupler.trust.checks import Check, measured
 from coupler.trust.in_space import across, carried, contact_pressure, extremes, fronts, heat_mesh, mesh, peak_stress
 from coupler.trust.in_time import drives, errors, instants, motion, rhythm, stability, steady
 from coupler.trust.laws import energy, equilibrium, solved, stored, tables, temperatures
-from coupler.trust.surfaces import askew, facets, passing, penetration, pressures, round_gaps, skipped, unpaired, ways
+from coupler.trust.surfaces import (
+    askew,
+    facets,
+    passing,
+    penetration,
+    pressures,
+    round_gaps,
+    skipped,
+    stated,
+    unpaired,
+    ways,
+)
 
 # Errors of windows add up, and each may be one tolerance: what was taken above it may be this part of all of them.
 OVER = 0.1
@@ -30,6 +41,7 @@ class TrustLog:
     penetration: penetration.PenetrationLog = field(default_factory=penetration.PenetrationLog)
     facets: facets.FacetLog = field(default_factory=facets.FacetLog)
     askew: askew.AskewLog = field(default_factory=askew.AskewLog)
+    stated: stated.StatedLog = field(default_factory=stated.StatedLog)
     round_gaps: round_gaps.RoundGapLog = field(default_factory=round_gaps.RoundGapLog)
     errors: errors.ErrorLog = field(default_factory=errors.ErrorLog)
     stability: stability.StabilityLog = field(default_factory=stability.StabilityLog)

@@ -34,7 +34,18 @@ from coupler.trust.in_time import drives, errors, instants, motion, rhythm, stab
 from coupler.trust.in_time.errors import Looked
 from coupler.trust.in_time.phases import Mask
 from coupler.trust.laws import delivered, energy, equilibrium, solved, stored, tables, temperatures
-from coupler.trust.surfaces import askew, facets, passing, penetration, pressures, round_gaps, skipped, unpaired, ways
+from coupler.trust.surfaces import (
+    askew,
+    facets,
+    passing,
+    penetration,
+    pressures,
+    round_gaps,
+    skipped,
+    stated,
+    unpaired,
+    ways,
+)
 from coupler.trust.table.bodies import Bodies
 from coupler.trust.table.log import TrustLog, check_of_windows, taken
 
@@ -79,6 +90,7 @@ class TrustWatch:
         pairs = models["mechanical"].get("pairs", {})
         self._yields = penetration.Yields(interface, {n for n, p in pairs.items() if p.get("augmented")})
         self._facets = facets.Facets(interface, self._yields)
+        self._stated_pressures = stated.Stated(interface, models["mechanical"])
         self._askew = askew.Askew(interface, models["mechanical"])
         self._round_gaps = round_gaps.RoundGaps(interface, models["thermal"])
         of_heat = models["thermal"].get("pairs", {})
@@ -143,6 +155,7 @@ class TrustWatch:
             penetration=self._yields.watched(log.penetration, now),
             facets=log.facets if self._prescribed else self._facets.watched(log.facets, now),
             askew=self._askew.watched(log.askew, now),
+            stated=self._stated_pressures.watched(log.stated, now),
             round_gaps=self._round_gaps.watched(log.round_gaps, now, now.t - before.t),
             skipped=self._placed.watched(log.skipped, before, now, reads),
             ways=self._ways.watched(log.ways, before, now),
@@ -251,6 +264,7 @@ class TrustWatch:
             penetration.check(log.penetration, self._yields, self._prescribed),
             *(() if self._prescribed else facets.checks(log.facets, self._facets)),
             *self._askew.checks(log.askew),
+            *self._stated_pressures.checks(log.stated),
             *self._round_gaps.checks(log.round_gaps),
             *equilibrium.checks(log.equilibrium),
             *self._motion.checks(log.motion),
