@@ -121,6 +121,22 @@ def test_a_corner_that_sinks_in_where_nothing_presses_breaks_trust(tmp_path: Pat
     assert found((corner, 1e-3, P), (corner, 2e-3, 0.0)).verdict == "holds"
 
 
+def test_a_corner_that_another_pair_presses_is_held_by_that(tmp_path: Path) -> None:
+    """A billet's corner stands on the die, and its side has not met it yet: it overlaps for the sake of the one."""
+    interface = load_text(tmp_path, GOOD, {}).interface
+    interface = replace(interface, pairs=(*interface.pairs, replace(interface.pairs[0], name="other")))
+    corner = interface.nodes[interface.side_of("face", "upper.bottom").nodes, 0].argmin()
+    verdicts = []
+    for pressed in (False, True):
+        gap, t_N = np.full(len(interface.pair_nodes), np.nan), np.zeros(len(interface.pair_nodes))
+        gap[interface.side_of("face", "upper.bottom").at.start + corner] = -2e-3
+        t_N[interface.side_of("other", "upper.bottom").at.start + corner] = -P if pressed else 0.0
+        yields = Yields(interface, ("face", "other"))
+        now = Level(1.0, np.full(len(interface.nodes), 300.0), interface.nodes, t_N, gap, np.ones(len(t_N)))
+        verdicts.append(check(yields.watched(PenetrationLog(), now), yields, False).verdict)
+    assert verdicts == ["broken", "holds"]
+
+
 def test_a_touch_that_a_window_ended_at_is_not_held_against_its_load(tmp_path: Path) -> None:
     """A body that bounces leaves 1e-9 of its load and 1e-6 of its overlap where a window ends as it parts."""
     interface = load_text(tmp_path, GOOD, {}).interface

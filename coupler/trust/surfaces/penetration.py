@@ -101,7 +101,7 @@ class Yields:
     def __init__(self, interface: Interface, augmented: Container[str] = ()) -> None:
         """augmented : names of pairs whose pressure is not their overlap times a penalty."""
         self.pairs = [y for pair in interface.pairs if (y := _yield_of(interface, pair)) is not None]
-        self._augmented = augmented
+        self._augmented, self._nodes = augmented, interface.pair_nodes
 
     def __bool__(self) -> bool:
         return bool(self.pairs)
@@ -122,7 +122,7 @@ class Yields:
             held = pair.name in self._augmented and not pair.drawn
             load = pair.load(now)
             if held and not pair.both.size:
-                log = _sunk(pair, log, now, float(load.sum()))
+                log = self._sunk(pair, log, now, float(load.sum()))
                 continue
             # fault: of points at nodes what lies between them is not told -> deepest = 0.0 | coupler/test_penetration
             deepest = float(np.fmax.reduce(-now.gap[pair.both], initial=0.0))
@@ -146,22 +146,24 @@ class Yields:
                               depth=max(depth, deepest), drawn=pair.drawn > 0.0, between=deepest > depth)
         return log
 
+    def _sunk(self, pair: PairYield, log: PenetrationLog, now: Level, load: float) -> PenetrationLog:
+        """Return the log with the corner that lies deepest in an augmented pair of which nothing pressed so far.
 
-def _sunk(pair: PairYield, log: PenetrationLog, now: Level, load: float) -> PenetrationLog:
-    """Return the log with the corner that lies deepest in an augmented pair of which nothing pressed so far.
-
-    load : of the pair now [N/m].  What presses later is soon as if it had always: that pair's corners are forgotten.
-    """
-    if load > 0.0:
-        mine = log.unpressed_pair == pair.name
-        return replace(log, most={**log.most, pair.name: max(load, log.most.get(pair.name, 0.0))},
-                       unpressed=0.0 if mine else log.unpressed)
-    # fault: a corner that sinks in where multipliers press nowhere is passed over -> deepest = 0.0 |
-    #   coupler/test_penetration
-    deepest = float(np.fmax.reduce(-now.gap[pair.corners], initial=0.0))
-    if pair.name in log.most or not deepest > max(UNPRESSED * float(pair.reach.mean()), log.unpressed):
-        return log
-    return replace(log, unpressed=deepest, unpressed_pair=pair.name, unpressed_t=now.t, by_node=False)
+        load : of the pair now [N/m].  What presses later is soon as if it had always: that pair's corners are
+        forgotten.  A corner that another pair presses is held by that.
+        """
+        if load > 0.0:
+            mine = log.unpressed_pair == pair.name
+            return replace(log, most={**log.most, pair.name: max(load, log.most.get(pair.name, 0.0))},
+                           unpressed=0.0 if mine else log.unpressed)
+        # fault: a corner that another pair presses sinks in -> held = pair.corners < 0 | coupler/test_penetration
+        held = np.isin(self._nodes[pair.corners], self._nodes[now.t_N < 0.0])
+        # fault: a corner that sinks in where multipliers press nowhere is passed over -> deepest = 0.0 |
+        #   coupler/test_penetration
+        deepest = float(np.fmax.reduce(-now.gap[pair.corners[~held]], initial=0.0))
+        if pair.name in log.most or not deepest > max(UNPRESSED * float(pair.reach.mean()), log.unpressed):
+            return log
+        return replace(log, unpressed=deepest, unpressed_pair=pair.name, unpressed_t=now.t, by_node=False)
 
 
 def _corners(interface: Interface, pair: Pair) -> Indices:
