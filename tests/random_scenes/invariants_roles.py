@@ -121,11 +121,16 @@ def _swappable(scene: Scene) -> bool:
     return True
 
 
+# A stated pressure acts on the whole pair, each of whose sides has its own length where they lie apart.
+STATED = ("rigid.pressure presses lies apart",)
+
+
 def _same_totals(scene: Scene, story: Story, rng: np.random.Generator) -> Sequence[Finding]:
     found = sorted(disagreements(scene, sides_swapped(scene), story), key=lambda f: -f[1])
     if not found:
         return []
-    return [Finding("; ".join(what for what, _ in found), found[0][1], JUMPS if on_a_jump(story) else ())]
+    named_by = (*STATED, *(JUMPS if on_a_jump(story) else ()))
+    return [Finding("; ".join(what for what, _ in found), found[0][1], named_by)]
 
 
 SIDES = Invariant("roles: slave and master", _swappable, _same_totals, runs=5)
