@@ -271,8 +271,9 @@ class Rigid(Part):
     """The half `rigid`: bodies that only move as prescribed."""
 
     motion: Annotated[dict[Name, Motion], Entry("of each body")] = Field(default_factory=dict)
-    pressure: Annotated[dict[Name, SignalSpec], Entry("contact pressure of a pair while it touches", "Pa", least=0.0,
-                                                    default="0")] = Field(default_factory=dict)
+    pressure: Annotated[dict[Name, SignalSpec], Entry(
+        "contact pressure of a pair, on the whole of it, while a place of it touches", "Pa", least=0.0,
+        default="0")] = Field(default_factory=dict)
 
 
 class Held(Part):
