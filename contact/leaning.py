@@ -15,7 +15,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from contact.compiled import kernel
+from contact.compiled import inner, kernel
 from contact.messages import Floats, Ints
 from contact.surfaces import CORNER_COS, END_TOLERANCE, RegisteredSurfaces
 
@@ -33,6 +33,31 @@ LEAN_COS = 0.9396926207859084
 STEEPEST = 0.02
 
 
+@inner
+def is_corner(previous: Ints, following: Ints, normal: Floats, e: int, end: int, corner_cos: float) -> bool:
+    """Return whether the body has a corner at an end of edge e, which it stands on: no print, but the end of a chain.
+
+    previous, following : (n_edges,).  normal : (n_edges, 3, 2) [1].  corner_cos : of the least turn of a corner.
+    """
+    other = previous[e] if end == 0 else following[e]
+    if other < 0:
+        return True
+    nx, ny, ox, oy = normal[e, 0, 0], normal[e, 0, 1], normal[other, 0, 0], normal[other, 0, 1]
+    # fault: the print of a punch counts as a corner -> goes_out = True | coupler/test_trust_askew
+    goes_out = (nx * oy - ny * ox) * (2 * end - 1) > 0.0
+    return goes_out and nx * ox + ny * oy < corner_cos
+
+
+@kernel
+def corners(previous: Ints, following: Ints, normal: Floats, corner_cos: float) -> NDArray[np.bool_]:
+    """Return (n_edges, 2) whether the body has a corner at the ends of its edges; arrays as of is_corner."""
+    found = np.empty((previous.size, 2), dtype=np.bool_)
+    for e in range(previous.size):
+        for end in range(2):
+            found[e, end] = is_corner(previous, following, normal, e, end, corner_cos)
+    return found
+
+
 @kernel
 def lean(x: Floats, edges: Ints, previous: Ints, following: Ints, length: Floats, normal: Floats, first: int, last: int,
          masters: Ints, gap_max: float, corner_cos: float, leaned: Floats, follows: Follows) -> None:
@@ -46,13 +71,13 @@ def lean(x: Floats, edges: Ints, previous: Ints, following: Ints, length: Floats
     for e in range(first, last):
         nx, ny = normal[e, 0, 0], normal[e, 0, 1]
         for end in range(2):
+            if not is_corner(previous, following, normal, e, end, corner_cos):
+                continue
             other = previous[e] if end == 0 else following[e]
             outward = -1.0 if end == 0 else 1.0
             ox, oy = -outward * ny, outward * nx  # an end is the corner of a square
             if other >= 0:
                 ox, oy = normal[other, 0, 0], normal[other, 0, 1]
-            if nx * ox + ny * oy >= corner_cos or outward * (nx * oy - ny * ox) <= 0.0:
-                continue
             s = edges[e, end]
             nearest, vx, vy, face = np.inf, 0.0, 0.0, FACE
             for m in masters:

@@ -118,12 +118,10 @@ def _canonical(m: Register) -> Register:
         eps_T=checked_reals("passes.eps_T", p.eps_T, shape),
         mu=checked_reals("passes.mu", p.mu, shape),
         depth=np.zeros(shape) if p.depth is None else checked_reals("passes.depth", p.depth, shape),
-        tied=np.zeros(shape, dtype=np.int32) if p.tied is None else _integers("passes.tied", p.tied, shape),
-        smooth=np.zeros(shape, dtype=np.int32) if p.smooth is None else _integers("passes.smooth", p.smooth, shape),
-        parting=np.zeros(shape, dtype=np.int32) if p.parting is None else _integers("passes.parting", p.parting,
-                                                                                      shape),
-        leaning=np.zeros(shape, dtype=np.int32) if p.leaning is None else _integers("passes.leaning", p.leaning,
-                                                                                      shape),
+        tied=_marks("passes.tied", p.tied, shape),
+        smooth=_marks("passes.smooth", p.smooth, shape),
+        parting=_marks("passes.parting", p.parting, shape),
+        leaning=_marks("passes.leaning", p.leaning, shape),
     )
     return Register(
         n_nodes=_count(m.n_nodes),
@@ -153,6 +151,11 @@ def _integers(name: str, value: object, shape: tuple[int, ...]) -> Ints:
     if a.size and (a.min() < 0 or a.max() > np.iinfo(np.int32).max):
         raise ValueError(f"{name} must hold numbers from 0 on, got {a.min()} to {a.max()}")
     return np.ascontiguousarray(a, dtype=np.int32)
+
+
+def _marks(name: str, value: object, shape: tuple[int, ...]) -> Ints:
+    """Return marks of passes, none where a message has none."""
+    return np.zeros(shape, dtype=np.int32) if value is None else _integers(name, value, shape)
 
 
 def checked_reals(name: str, value: object, shape: tuple[int, ...]) -> Floats:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import sys
-from contextlib import closing
 from pathlib import Path
 from typing import Any
 
@@ -11,10 +10,9 @@ import numpy as np
 import pytest
 
 sys.path.insert(0, str(Path(__file__).parent))
-from mechanical_scenes import NO_CELLS, done, elastic, inputs_of, rectangle
+from mechanical_scenes import NO_CELLS, elastic, rectangle, told_in
 
 from contact.half.interface import Interface, Pair
-from contact.rpc.link import open_link
 
 PRESS, MU, ABOUT = 1e-4, 0.3, [0.3, -0.7]  # m, 1, m
 FORMS = {"edges": {}, "nodes": {"by_node": True}, "two passes": {"two_pass": True}, "smooth": {"smooth": True}}
@@ -44,13 +42,7 @@ def pressed(angle: float, windows: int, mu: float, method: str | None, **pair: A
     settles = {} if method is None else {"augmented": {"method": method, "tolerance": 1e-8}}
     boundary = [{"on": "low.bottom", "rotation": turn}, {"on": "top.top", "rotation": turn, **way}]
     half = elastic(scene(mu, **pair), boundary, tolerance=1e-10, pairs={"below": settles, "above": settles})
-    told = []
-    with closing(open_link("direct")) as link:
-        state, _ = half.start(inputs_of(half), 0.0, link)
-        for t0, t1 in [(0.0, 1.0), *((1.0 + i / windows, 1.0 + (i + 1) / windows) for i in range(windows))]:
-            state, outputs = done(half.step(state, inputs_of(half), t0, t1 - t0, link))
-            told.append(outputs)
-    return told
+    return told_in(half, windows)
 
 
 @pytest.mark.few("0.3-edges-None-1", "0.3-two passes-uzawa-9", "0.3-nodes-semi_smooth-3", "0.02-edges-semi_smooth-1")

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 sys.path.insert(0, str(Path(__file__).parent))
-from mechanical_scenes import NO_CELLS, done, elastic, hold, inputs_of, rectangle
+from mechanical_scenes import NO_CELLS, done, elastic, hold, inputs_of, rectangle, told_in
 
 from contact.half.interface import Interface, Pair
 from contact.rpc.link import open_link
@@ -61,13 +61,7 @@ def tilting(way, angle=TILT):
 def run(conditions, windows, more=(), material=None, **model):
     half = elastic(stack(), [*conditions, {"on": "b3.top", "pressure": {"t": [0.0, 1.0], "value": [0.0, LOAD]}}, *more],
                    material={"alpha": 0.0, "rho": 7800.0, **(material or {})}, **model)
-    found = []
-    with closing(open_link("direct")) as link:
-        state, out = half.start(inputs_of(half), 0.0, link)
-        for t0, t1 in [(0.0, 1.0), *((1.0 + i / windows, 1.0 + (i + 1) / windows) for i in range(windows))]:
-            state, out = done(half.step(state, inputs_of(half), t0, t1 - t0, link))
-            found.append(out)
-    return found
+    return told_in(half, windows)
 
 
 @pytest.mark.few("field-semi_smooth-heavy", "rotation-None-heavy")

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 sys.path.insert(0, str(Path(__file__).parent))
-from mechanical_scenes import STEEL, NoLink, block, blocks, done, elastic, hold, inputs_of, stress_of
+from mechanical_scenes import STEEL, NoLink, block, blocks, done, elastic, hold, inputs_of, stress_of, told_in
 
 from contact.rpc.link import open_link
 from mechanical_fmu.advance import between, drive_of
@@ -141,13 +141,7 @@ def pressed(windows, angle=QUARTER, mu=0.0, augmented=None, upper=None):
     boundary = [{"on": "lower.bottom", "rotation": turn},
                 upper or {"on": "upper.top", "u_x": ramp(0.1 * PRESS), "u_y": ramp(-PRESS), "rotation": turn}]
     more = {} if augmented is None else {"pairs": {"interface": {"augmented": {"method": augmented}}}}
-    half, told = elastic(interface, boundary, tolerance=1e-10, **more), []
-    with closing(open_link("direct")) as link:
-        state, _ = half.start(inputs_of(half), 0.0, link)
-        for t0, t1 in [(0.0, 1.0), *((1.0 + i / windows, 1.0 + (i + 1) / windows) for i in range(windows))]:
-            state, outputs = done(half.step(state, inputs_of(half), t0, t1 - t0, link))
-            told.append(outputs)
-    return told
+    return told_in(elastic(interface, boundary, tolerance=1e-10, **more), windows)
 
 
 @pytest.mark.few("1.5707963267948966-3-uzawa", "-3.141592653589793-9-semi_smooth", "1.5707963267948966-9-None")
