@@ -14,8 +14,8 @@ than the bound, slip goes on backwards.  A swing on the spring of sticking that 
 
 Across a surface the impulse is that by which contact answers in the step itself, of a body that would be back on it
 within a step: whose speed away from it, or into it, is less than what all other forces make of it in half of one, and
-whose acceleration is no more than a few times as large as theirs.  What bounces, or swings on its contact in steps that
-resolve that, is faster.
+whose acceleration is no more than a few times as large as theirs.  What bounces is faster; swings that steps resolve
+are of swings.py.
 
 Nodes without mass need none of this: contact changes there as the body behind them is strained.  Bodies that touch are
 looked at together: a group in which such nodes touch is left as it is, and so is one that bounces, across.  Nothing is
@@ -40,6 +40,7 @@ from mechanical_fmu.rubbing_pairs import (
     pushed,
     rubbing_pairs,
 )
+from mechanical_fmu.swings import led_to_rest
 from mechanical_fmu.system import ForceBalance, Loading, System
 
 Floats = NDArray[np.float64]
@@ -68,6 +69,7 @@ def brought_to_rest(system: System, after: BodyMotion, found: ForceBalance,
     after = _seen(after, rubs) if here.all() else after
     stopped = _stopped(after, rubs, loading.step.dt)
     contact = ContactStiffness(system, found, loading)
+    after = led_to_rest(groups, after, contact, here)
     lying = _lying(groups, after, contact, here)
     if stopped is None and not lying.any():
         return after, np.empty(0)

@@ -65,6 +65,23 @@ class ContactStiffness:
         return csr_matrix(self.stiffness(self._none, 1.0) - self.across)
 
     @property
+    def scale(self) -> float:
+        """What the mass is multiplied by in the stiffness of the step [1/s2]."""
+        how, dt = self.system.spec.dynamics, self.loading.step.dt
+        assert how is not None
+        return (1.0 - how.alpha_m) / ((1.0 - how.alpha_f) * how.beta * dt**2)
+
+    @property
+    def mass(self) -> csr_matrix:
+        """The mass, (n, n) [kg]."""
+        how = self.system.spec.dynamics
+        return self.system.masses.matrix(how is None or how.lumped)
+
+    def with_mass(self, scale: float) -> csr_matrix:
+        """Return all stiffness but that of contact, (n, n) [N/m], with scale [1/s2] times the mass."""
+        return csr_matrix(self.alone + (scale - self.scale) * self.mass)
+
+    @property
     def _none(self) -> Floats:
         assert self.found.tractions is not None
         return np.zeros(self.found.tractions.t_N.size)
@@ -149,8 +166,7 @@ class Answer:
 
 def answer_of(contact: ContactStiffness, stopped: RubbingPairs | None) -> Answer:
     """Make the answer to impulses in a step whose friction was `stopped` at these pairs, None: at none."""
-    system, how, tractions = contact.system, contact.system.spec.dynamics, contact.found.tractions
-    assert how is not None
+    system, tractions = contact.system, contact.found.tractions
     assert tractions is not None
     # Friction that slips grows with the pressure; what was stopped, or sticks, is left to coming_to_rest.
     rubs = tractions.slipping > 0.5
@@ -159,9 +175,8 @@ def answer_of(contact: ContactStiffness, stopped: RubbingPairs | None) -> Answer
     # fault: friction does not follow the pressure that a body lies with -> beyond = 0.0 * tractions.mobilised |
     #   mechanical_fmu/test_friction_inertia
     beyond = np.where(rubs, 2.0 * tractions.mobilised, 0.0)
-    own, dt = contact.stiffness(beyond), contact.loading.step.dt
-    scale = (1.0 - how.alpha_m) / ((1.0 - how.alpha_f) * how.beta * dt**2)
-    return Answer(system, csr_matrix(contact.alone + own), own, scale, rubs)
+    own = contact.stiffness(beyond)
+    return Answer(system, csr_matrix(contact.alone + own), own, contact.scale, rubs)
 
 
 def pushed(motion: BodyMotion, dv: Floats, da: Floats, push: Floats) -> BodyMotion:

@@ -23,7 +23,8 @@ MU, G, RHO, V0, SIDE = 0.3, 9.81, 7800.0, 1.0, 0.05
 MASS = RHO * SIDE * SIDE
 
 
-def sliding(rigid: bool, swapped: bool = False, floor: object = 0.0, **more: object):
+def sliding(rigid: bool, swapped: bool = False, floor: object = 0.0, v0: tuple[float, float] = (V0, 0.0),
+            eps_N: float = 2e11 / 0.02, **more: object):
     """A block that slides to the right on a floor, drawn in touch.  floor : its own way to the right [m]."""
     n1, c1, s1 = rectangle(np.linspace(-0.1, 0.5, 31), np.array([-0.01, 0.0]))
     n2, c2, s2 = rectangle(np.linspace(0.0, SIDE, 4), np.linspace(0.0, SIDE, 4), first=len(n1))
@@ -32,8 +33,8 @@ def sliding(rigid: bool, swapped: bool = False, floor: object = 0.0, **more: obj
     sides = ("floor.top", "block.bottom") if swapped else ("block.bottom", "floor.top")
     interface = Interface("plane", np.concatenate([n1, n2]), np.concatenate([c1, c2]).astype(np.int32), NO_CELLS[3],
                           body, body[:0], ("floor", "block"), ("m", "m"), surfaces, {},
-                          (Pair("foot", *sides, 0.01, 2e11 / 0.02, mu=MU),))
-    bodies = {"floor": {"material": "m", "rigid": True}, "block": {"material": "m", "v0": [V0, 0.0], "rigid": rigid}}
+                          (Pair("foot", *sides, 0.01, eps_N, mu=MU),))
+    bodies = {"floor": {"material": "m", "rigid": True}, "block": {"material": "m", "v0": list(v0), "rigid": rigid}}
     held = [hold("floor", 0, floor), hold("floor", 1), hold("floor", 2)]
     return elastic(interface, held, {"rho": RHO}, tolerance=1e-10, bodies=bodies,
                    **{"dynamics": {}, "gravity": {"y": -G}} | more)
