@@ -16,12 +16,15 @@ hides between nodes: |e| of a node less what it is below the highest, times HIDD
 their nodes too little or too much, by where it lies, and half as large cells may do either again.  Against cells a
 quarter as large, of 428 extremes 163 were off by more than 0.5 % of the range, and 159 of those were told within a
 factor 3; a source much narrower than a cell is told too small (docs/trust.md).
+
+So is told of each output that a run may probe what smaller cells change of it (HALVED): of the temperature at each
+node, the solid fraction, and the heat through each condition and pair since errors began to grow.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
 from functools import cached_property, partial
 from typing import Any
 
@@ -34,13 +37,15 @@ from contact.half.model import Value, Variable
 from contact.messages import Facing
 from thermal_fmu import phase_change
 from thermal_fmu.cells import BadPropertyError, InvertedMeshError, shapes_of
+from thermal_fmu.conditions import NamedHeat, named_heats
 from thermal_fmu.contact_quadrature import ContactPoints, contact_points
 from thermal_fmu.elsewhere import TemperatureCourse
 from thermal_fmu.halved import Halved, halved, halved_facing
 from thermal_fmu.linear import Factors
 from thermal_fmu.methods import KNOTS, Stage
-from thermal_fmu.newton import NotConvergedError, StageProblem, solve_stage
-from thermal_fmu.problem import parse_model
+from thermal_fmu.newton import NotConvergedError, StageProblem, balance, solve_stage
+from thermal_fmu.phase_change import Melting, NodalFields
+from thermal_fmu.problem import Model, parse_model
 from thermal_fmu.scene import SubstepData, ThermalScene, freeze, prescribed_values, with_friction
 from thermal_fmu.sources import loads_at
 from thermal_fmu.step import StepContext, flow_at
@@ -49,8 +54,11 @@ from thermal_fmu.surface_terms import at_nodes
 Floats = NDArray[np.float64]
 
 HIGH_OFF, LOW_OFF = "mesh.T_high_off.", "mesh.T_low_off."  # of a body: outputs
+HALVED = "mesh.halved."  # of an output: what is added to it is nearer to the truth
 UNKNOWN = -1.0
 MORE, HIDDEN = 1.5, 0.4
+# Of heat that flows in all: what Newton's method leaves of it.
+LEFT = 1e-5
 TOLERANCE = 1e-6
 BACKWARD_EULER = Stage(1.0, 1.0, 1.0)
 
@@ -127,13 +135,53 @@ def extreme_variables(interface: Interface, bodies: Mapping[str, int]) -> tuple[
                  for name in bodies for prefix, which in ((HIGH_OFF, "highest"), (LOW_OFF, "lowest")))
 
 
+def halved_variables(interface: Interface, model: Model, melting: Sequence[Melting]) -> tuple[Variable, ...]:
+    """List what is told of other outputs: HALVED and the name of each."""
+    if any(pair.by_node for pair in interface.pairs):
+        return ()
+    n, told = len(interface.nodes), "what halved cells change of it, estimated"
+    melts = (Variable(f"{HALVED}f_s", (n,), on="nodes", description=f"solid fraction: {told}; its means are right"),)
+    return (Variable(f"{HALVED}T", (n,), unit="K", on="nodes", description=f"temperature: {told}; 0 in bodies at "
+                     "whose fronts something melts"),
+            Variable(f"{HALVED}T_mean", (n,), unit="K", on="nodes", description=f"temperature: {told}, such that the "
+                     "means of bodies are right"), *(melts if melting else ()),
+            *(replace(heat.variable, name=HALVED + heat.variable.name, description=f"{heat.description}: {told}")
+              for heat in _heats(interface, model)))
+
+
+def _heats(interface: Interface, model: Model) -> list[NamedHeat]:
+    """Those of which a balance tells without the residual of fixed nodes."""
+    return [heat for heat in named_heats(interface, model) if min(map(min, heat.rows)) >= len(model.prescribed)]
+
+
+@dataclass(frozen=True)
+class _Solved:
+    """What a half has, on straight lines, and what halved cells make of it.
+
+    before, after : (n_halved,) each.  sizes : (n_halved,) of nodes, in any unit.  heat : (n_heats,) [J] that flows more
+    with halved cells, of prescribed temperatures nothing.
+    """
+
+    before: NodalFields
+    after: NodalFields
+    sizes: Floats
+    heat: Floats
+
+
 class HalvedScene:
     """The scene of a half with halved cells.  It remembers what follows from the scene alone."""
 
-    def __init__(self, interface: Interface, spec: Mapping[str, Any], bodies: Mapping[str, int]) -> None:
-        """spec : content of model.json.  bodies : as extreme_variables has them."""
-        self._interface, self._spec, self._bodies = interface, spec, bodies
-        self.names = tuple(v.name for v in extreme_variables(interface, bodies))
+    def __init__(self, interface: Interface, spec: Mapping[str, Any], bodies: Mapping[str, int], model: Model,
+                 melting: Sequence[Melting]) -> None:
+        """spec : content of model.json, model : what that says.  bodies : as extreme_variables has them."""
+        self._interface, self._spec, self._bodies, self._melting = interface, spec, bodies, melting
+        self._heats = _heats(interface, model)
+        self._extremes = tuple(v.name for v in extreme_variables(interface, bodies))
+        others = halved_variables(interface, model, melting)
+        self.unknown: dict[str, Value] = dict.fromkeys(self._extremes, UNKNOWN)
+        self.unknown |= {v.name: np.full(v.shape, np.nan) if v.shape else np.nan for v in others}
+        self.at_start: dict[str, Value] = dict.fromkeys(self._extremes, UNKNOWN)
+        self.at_start |= {v.name: np.zeros(v.shape) if v.shape else 0.0 for v in others}
 
     @cached_property
     def _halved(self) -> Halved:
@@ -146,23 +194,54 @@ class HalvedScene:
     def outputs(self, end: StepEnded) -> dict[str, Callable[[], Value]]:
         """Return the outputs by name, each worked out when it is asked for, all at once."""
         told = _Told(self, end)
-        return {name: partial(told.of, name) for name in self.names}
+        return {name: partial(told.of, name) for name in self.unknown}
 
-    def told(self, end: StepEnded) -> dict[str, float]:
-        """Estimate by name how far extremes are off [K]; UNKNOWN where the halved cells have no solution."""
+    def told(self, end: StepEnded) -> dict[str, Value]:
+        """Estimate by name how far outputs are off; `unknown` where the halved cells have no solution."""
         try:
-            T_h, T = self._solved(end)
+            solved = self._solved(end)
         except (NotConvergedError, SingularMatrixError, BadPropertyError, InvertedMeshError):
-            return dict.fromkeys(self.names, UNKNOWN)
-        of, found = self._halved.interface.node_body, {}
+            return self.unknown
+        return {**self._told_of_extremes(solved), **self._told_of_outputs(solved)}
+
+    def _told_of_extremes(self, solved: _Solved) -> dict[str, Value]:
+        of, found = self._halved.interface.node_body, dict[str, Value]()
         for name, b in self._bodies.items():
             own, free = of == b, ~self._scene.fixed[of == b]
             for prefix, sign in ((HIGH_OFF, 1.0), (LOW_OFF, -1.0)):
-                found[prefix + name] = _off(sign * T_h[own], sign * T[own], free)
+                found[prefix + name] = _off(sign * solved.before.T[own], sign * solved.after.T[own], free)
         return found
 
-    def _solved(self, end: StepEnded) -> tuple[Floats, Floats]:
-        """(n_halved,) [K] the half's temperatures on straight lines, and those of halved cells."""
+    def _told_of_outputs(self, solved: _Solved) -> dict[str, Value]:
+        n, P = len(self._interface.nodes), self._halved.P
+        T = MORE * (solved.after.T - solved.before.T)[:n]
+
+        def mean(change: Floats) -> Floats:
+            """What nodes in between have goes to those of the half, by their size."""
+            return np.asarray(P.T @ (solved.sizes * change) / (P.T @ solved.sizes))
+
+        # fault: means are those of the half's nodes alone -> T_mean = np.array(T) | coupler/test_trust_probed
+        T_mean = MORE * mean(solved.after.T - solved.before.T)
+        found: dict[str, Value] = {f"{HALVED}T": T, f"{HALVED}T_mean": T_mean}
+        if solved.before.f_s is not None and solved.after.f_s is not None:
+            # In one long step a front goes from node to node, as it does in the half: who tells of fronts is fronts.py.
+            for body in self._melting:
+                f_s = solved.before.f_s[:n][body.nodes]
+                # fault: where a front is, halved cells tell of temperatures too -> if False: |
+                #   thermal_fmu/test_extremes::test_fronts_are_told_by_others
+                if f_s.min() < 1.0 and f_s.max() > 0.0:
+                    T[body.nodes] = T_mean[body.nodes] = 0.0
+            # What a front gives one node it takes from the next, so nodes in between count with those of the half.
+            # fault: solid fractions are those of the half's nodes alone -> found[f"{HALVED}f_s"] = (solved.after.f_s -
+            #   solved.before.f_s)[:n] | thermal_fmu/test_extremes
+            found[f"{HALVED}f_s"] = mean(solved.after.f_s - solved.before.f_s)
+        for heat in self._heats:
+            off = MORE * np.array([solved.heat[list(rows)].sum() for rows in heat.rows])
+            found[HALVED + heat.variable.name] = off if off.size > 1 else float(off[0])
+        return found
+
+    def _solved(self, end: StepEnded) -> _Solved:
+        """What halved cells make of the end of a substep."""
         scene, P = self._scene, self._halved.P
         x, s = P @ end.x, P @ end.s
         points = None if end.facing is None else contact_points(
@@ -172,9 +251,9 @@ class HalvedScene:
         if points is not None and end.points is not None and end.E.any():
             E = self._friction(end.points, points, end.E)
             substep = with_friction(substep, scene, points, E, phase_change.fields(scene.melting, s), end.h)
-        return phase_change.temperature(scene.melting, s), self._after(end, substep, s)
+        return self._after(end, substep, s)
 
-    def _after(self, end: StepEnded, substep: SubstepData, s: Floats) -> Floats:
+    def _after(self, end: StepEnded, substep: SubstepData, s: Floats) -> _Solved:
         scene, model = self._scene, self._scene.model
         T = phase_change.temperature(scene.melting, s)
         course = None
@@ -183,11 +262,18 @@ class HalvedScene:
         loads = loads_at(model, end.context.load_factors, end.context.calendar.snap(end.t, end.h), -1, course)
         guess = phase_change.prescribe(scene.melting, s, prescribed_values(substep, loads.prescribed, T), scene.fixed)
         # fault: what is stored is taken for an error -> kept = np.zeros(s.size) | thermal_fmu/test_extremes
-        kept = -end.grown * scene.bulk.capacities(substep, end.even(s)) * (self._halved.P @ end.rate)
+        sizes = scene.bulk.capacities(substep, end.even(s))
+        kept = -end.grown * sizes * (self._halved.P @ end.rate)
         problem = StageProblem(scene, substep, loads, BACKWARD_EULER, end.grown, s, substep.E_M / end.h, kept,
                                end.stores)
         done = solve_stage(problem, guess, TOLERANCE, Factors(), None)
-        return phase_change.temperature(scene.melting, done.s)
+        each, before = (of.each for of in (done.balance, balance(problem, s, jacobian=False)))
+        more = end.grown * (each - before)
+        # fault: heat that is no more with smaller cells is told by what iterations leave -> slight = 0.0 |
+        #   thermal_fmu/test_extremes
+        slight = LEFT * end.grown * float(np.abs(each).sum())
+        heat = np.concatenate([np.zeros(len(model.prescribed)), np.where(np.abs(more) > slight, more, 0.0)])
+        return _Solved(phase_change.fields(scene.melting, s), phase_change.fields(scene.melting, done.s), sizes, heat)
 
     def _mechanical(self, end: StepEnded, x: Floats) -> Floats:
         """(n_cells,) [J] of halved cells, by their parts of the cell they are of."""
@@ -224,9 +310,9 @@ class _Told:
     end: StepEnded
 
     @cached_property
-    def _all(self) -> dict[str, float]:
+    def _all(self) -> dict[str, Value]:
         return self.scene.told(self.end)
 
-    def of(self, name: str) -> float:
-        """One of the outputs [K]."""
+    def of(self, name: str) -> Value:
+        """One of the outputs."""
         return self._all[name]

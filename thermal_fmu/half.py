@@ -30,7 +30,7 @@ from thermal_fmu.cells import (
 from thermal_fmu.conditions import NOTHING_COUNTED, HeatSoFar, n_heats, named_heats, no_heat_yet
 from thermal_fmu.contact_quadrature import ContactPoints, contact_points, touching
 from thermal_fmu.elsewhere import begun_with, course_of, course_outputs, course_variables, damps_of
-from thermal_fmu.extremes import UNKNOWN, HalvedScene, StepEnded, extreme_variables
+from thermal_fmu.extremes import HalvedScene, StepEnded, extreme_variables, halved_variables
 from thermal_fmu.flux import heat_flux
 from thermal_fmu.fronts import FRONT_OFF, front_off, front_variables
 from thermal_fmu.known import KnownRange, range_of, widened
@@ -255,7 +255,8 @@ class ThermalHalf:
         self.variables = _variables(self._scene)
         self._named = named_heats(interface, self._scene.model)
         self._mesh_error = None if foreign else MeshError(self._scene)
-        self._halved = None if foreign else HalvedScene(interface, spec, solved_bodies(self._scene))
+        self._halved = None if foreign else HalvedScene(
+            interface, spec, solved_bodies(self._scene), model, self._scene.melting)
 
     def start(self, inputs: Values, t: float, link: Link) -> tuple[ThermalState, Mapping[str, Value]]:
         """Set T = T0 everywhere; a prescribed temperature acts from the first substep.  The first x is the reference.
@@ -274,7 +275,7 @@ class ThermalHalf:
         if scene.model.elsewhere.size:
             outputs |= course_outputs(scene.interface.contact_nodes, scene.melting, state.s, [(t, state.s)], t, 1.0)
         fields = field_outputs(scene, shapes_of(scene.volume, X), state.s, None)
-        unknown: dict[str, Value] = {} if self._halved is None else dict.fromkeys(self._halved.names, UNKNOWN)
+        unknown: dict[str, Value] = {} if self._halved is None else dict(self._halved.at_start)
         if self._halved is not None and scene.melting:
             unknown[FRONT_OFF] = np.zeros(state.s.size)
         return state, replace(fields, now=outputs | dict(fields.now) | unknown)
@@ -392,7 +393,7 @@ class ThermalHalf:
                         points, t_N, E_friction)
         # Of what a run asks for now and then a state in bytes keeps nothing: it costs more than a step.
         apart = self._halved.outputs(end)
-        unless_asked: dict[str, Value] = dict.fromkeys(self._halved.names, UNKNOWN)
+        unless_asked = dict(self._halved.unknown)
         if scene.melting:
             apart |= {FRONT_OFF: partial(front_off, end)}
             unless_asked[FRONT_OFF] = np.full(done.s.size, np.nan)
@@ -471,7 +472,8 @@ def _variables(scene: ThermalScene) -> tuple[Variable, ...]:
         return (*face, *field_variables(scene))
     # Who reads what lies near reads what is costly by the way, so that is the last.
     return (*face, *mesh_variables(scene), *field_variables(scene), *front_variables(scene.interface, scene.melting),
-            *extreme_variables(scene.interface, solved_bodies(scene)))
+            *extreme_variables(scene.interface, solved_bodies(scene)),
+            *halved_variables(scene.interface, scene.model, scene.melting))
 
 
 def load(interface: Interface, spec: Mapping[str, Any]) -> ThermalHalf:

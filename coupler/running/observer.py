@@ -25,6 +25,7 @@ from coupler.schemes.ledger import Ledger
 from coupler.schemes.levels import Level
 from coupler.schemes.state import CoupledState, Halves
 from coupler.trust.checks import Check
+from coupler.trust.in_space import probed
 from coupler.trust.in_space.extremes import extreme_outputs
 from coupler.trust.in_space.fronts import front_outputs
 from coupler.trust.in_space.heat_mesh import heat_mesh_outputs
@@ -70,8 +71,10 @@ class Observer:
         self._of_stress = {"mechanical": stress_outputs(halves.mechanical.blocks, interface, scenario.own_meshes)}
         self._of_extremes = extreme_outputs(halves.thermal.blocks)
         # Nobody else needs to know in every window.
-        probed = any(probe.quantity == "T" for probe in scenario.probes.values())
-        self._of_fronts = front_outputs(halves.thermal.blocks, interface, scenario.own_meshes) if probed else []
+        of_T = any(probe.quantity == "T" for probe in scenario.probes.values())
+        self._of_fronts = front_outputs(halves.thermal.blocks, interface, scenario.own_meshes) if of_T else []
+        self._probed = probed.Probed({} if "thermal" in scenario.own_meshes else scenario.probes, halves.thermal.blocks,
+                                    interface.node_body)
         self.choice = frame_choice(scenario.output.most, scenario.coupling.end, len(interface.nodes),
                                    self.outputs.fields)
         self.trust = TrustLog()
@@ -113,6 +116,7 @@ class Observer:
         self._look_at_equilibrium(look, now.t, at_end)
         if self._of_fronts:
             self.trust = self._watch.with_fronts(self.trust, None, now)
+        self.trust = replace(self.trust, probed=probed.begun(self._values(now, look)))
 
     def judge(self, tried: Tried, before: Level, fresh: bool) -> None:
         """Note what an accepted window says of whether the run can be trusted.
@@ -165,6 +169,7 @@ class Observer:
         if self._of_extremes and self._watch.wants_extremes(self.trust, at_end, now.t, event, end):
             told = {n: float(v) for n, v in look.read("thermal", self._of_extremes).items()}
             self.trust = self._watch.with_extremes(self.trust, told, now)
+        self._look_at_probed(look, now, kink=kink, at_end=at_end)
 
     def rejected(self, tried: Tried, now: Level, ledger: Ledger) -> None:
         """Record a rejected window.  now : at its start, where both halves are again."""
@@ -218,6 +223,21 @@ class Observer:
         # fault: nobody asks how soft the bodies are -> if False: | coupler/test_trust_equilibrium
         if SOFT in told and float(told[STABLE]) >= 0.0:
             self.trust = self._watch.with_softness(self.trust, float(told[SOFT]), t)
+
+    def _look_at_probed(self, look: Look, now: Level, *, kink: bool, at_end: bool) -> None:
+        """Ask now and then how far what is probed is off by the mesh."""
+        before, end = self.trust.probed, self._scenario.coupling.end
+        log, speeds = probed.after(before, self._values(now, look), now.t, end)
+        # fault: nobody asks how far probes are off by the mesh -> if False: | coupler/test_trust_probed
+        if probed.due(log, speeds, now.t - before.t, kink=kink, at_end=at_end):
+            told = look.read("thermal", self._probed.outputs)
+            log = probed.looked(log, speeds, self._probed.off(now, told))
+        # fault: a kink late in a run is not seen -> self.trust = replace(self.trust, probed=log) |
+        #   coupler/test_trust_probed
+        self.trust = replace(self.trust, probed=probed.kinked(log) if kink else log)
+
+    def _values(self, now: Level, look: Look) -> dict[str, float]:
+        return self._probed.values(now, look.read("thermal", self._probed.read))
 
     def _write(self, tried: Tried, now: Level, ledger: Ledger, record: WindowRecord, look: Look) -> None:
         facts: dict[str, float | str] = {"t": tried.t, "H": tried.H, "seconds": tried.seconds}

@@ -177,6 +177,7 @@ ELASTIC_STRAIN = "elastic_strain"  # of a mechanical half whose bodies remember,
 T_MISSED = "mesh.T_missed."  # of a body, of a thermal half: what its cells are too large for [K]
 FRONT_OFF = "mesh.T_front_off"  # of nodes: what a front of melting puts them off by [K]
 HIGH_OFF, LOW_OFF = "mesh.T_high_off.", "mesh.T_low_off."  # what its highest and lowest T are off by for it [K]
+HALVED = "mesh.halved."  # of an output of a thermal half: what halved cells change of it
 RESIDUAL = "residual"  # of either half: what its equations leave, as a share of the heat, or of the forces [1]
 MADE, KINETIC = "energy.made", "energy.kinetic"  # of a mechanical half with inertia: of nothing, of motion [J]
 SHAPE_OFF = "mesh.x_off"  # of a mechanical half on a mesh of its own: what the scene's does not hold of x [m]

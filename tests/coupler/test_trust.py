@@ -349,7 +349,7 @@ def test_a_run_that_is_not_to_be_trusted_ends_with_4(tmp_path):
     done = subprocess.run([sys.executable, "-m", "coupler.cli", "run", "leap.yaml", "--report"], cwd=tmp_path,
                           capture_output=True, text=True, check=False)
     assert done.returncode == 4, done.stderr
-    assert "do not trust this run: 2 of 17 checks failed" in done.stdout
+    assert "do not trust this run: 2 of 18 checks failed" in done.stdout
     assert "no body passes through another: pair face" in done.stdout
     results = Results(tmp_path / "run.h5")
     assert results.outcome == "completed"

@@ -56,7 +56,8 @@ def test_a_point_that_a_front_passes(tmp_path):
     assert 0.5 * true.max() < told < 2.0 * true.max()
     assert row(results).verdict.value == "noted"
     assert results.probe_errors["far"].mesh < 0.02 * told
-    assert results.probe_errors["frozen"].mesh == 0.0
+    # Of solid fractions halved cells tell (probed.py).
+    assert 0.0 < results.probe_errors["frozen"].mesh < 0.1 * results.probe_errors["frozen"].range
     assert not results.broken
     # Frames have it of each node; of each window, where it costs more than a step, its extremes are not kept.
     at, off = results.field("thermal.mesh.T_front_off")

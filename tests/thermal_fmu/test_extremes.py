@@ -205,7 +205,9 @@ def test_a_state_in_bytes_and_a_start_tell_that_it_is_not_known():
     state, first = half.start(inputs, 0.0, link)
     assert first["mesh.T_high_off.a"] == -1.0
     done = half.step(state, inputs, 0.0, 1.0, link)
-    assert done.outputs.unless_asked == {"mesh.T_high_off.a": -1.0, "mesh.T_low_off.a": -1.0}
+    told = dict(done.outputs.unless_asked)
+    assert all(np.isnan(told.pop(f"mesh.halved.{name}")).all() for name in ("T", "T_mean"))
+    assert told == {"mesh.T_high_off.a": -1.0, "mesh.T_low_off.a": -1.0}
     again = half.step(from_bytes(to_bytes(state), ("thermal_fmu",)), inputs, 0.0, 1.0, link)
     assert again.outputs["mesh.T_high_off.a"] == done.outputs["mesh.T_high_off.a"]
 
@@ -215,4 +217,65 @@ def test_one_point_a_node_is_not_told():
     mesh = scene(Box(0, 1, 0, 1, 2, 2), Box(0, 1, 1, 2, 2, 2), pairs=(pair,))
     model = spec([])
     model["bodies"]["b"] = {"material": "m", "T0": 0.0}
-    assert not [v.name for v in load(mesh, model).variables if "_off." in v.name]
+    assert not [v.name for v in load(mesh, model).variables if "_off." in v.name or "halved" in v.name]
+
+
+def blocks(n):
+    """A hot block on a cold one, film below and a source in the upper one; everything from 0 K."""
+    mesh = scene(Box(0, 1, 0, 1, n, n), Box(0, 1, 1, 2, n, n), pairs=(Pair("p", "b.bottom", "a.top", 0.1, 0.0),))
+    model = spec([film("a.bottom", 5.0) | {"name": "below"}, film("a.left", 5.0)], method="sdirk2",
+                 pairs={"p": {"conduction": {"closed": {"law": "constant", "h": 20.0}, "open": None}}})
+    model["bodies"]["b"] = {"material": "m", "T0": 1.0}
+    return mesh, model
+
+
+def pressed(mesh):
+    return {"t_N": -np.ones(len(mesh.pair_nodes))}
+
+
+def test_so_is_every_node_and_the_heat_of_pairs():
+    """By looks after 1, 2, 4, ... steps of a sixth of h^2/a, as a run takes them: within a factor of about 3."""
+    mesh, model = blocks(4)
+    fine = halved(halved(mesh).interface).interface
+    true, told = {"T": 0.0, "condition.heat.pair.p": 0.0}, {"T": 0.0, "condition.heat.pair.p": 0.0}
+    for k in (1, 2, 4, 8, 16):
+        out, exact = (stepped(of, model, 0.01, k, pressed) for of in (mesh, fine))
+        for name in true:
+            value = np.ravel(np.asarray(out[name]))
+            off = np.ravel(np.asarray(exact[name]))[:value.size] - value
+            true[name] = max(true[name], float(np.abs(off).max()))
+            told[name] = max(told[name], float(np.abs(out[f"mesh.halved.{name}"]).max()))
+    assert true["T"] > 0.02
+    assert all(true[name] / 3.3 < told[name] < 3.0 * true[name] for name in true), (true, told)
+
+
+def test_no_heat_is_told_where_none_is_missing():
+    mesh, model = blocks(2)
+    model["boundary"] = [{"on": "a.left", "flux": 1.0, "name": "in"}, {"on": "a.right", "flux": -1.0, "name": "out"}]
+    model["bodies"]["b"]["T0"] = 0.0
+    out = stepped(mesh, model, 0.05, 4, pressed)
+    assert out["mesh.halved.condition.heat.in"] == out["mesh.halved.condition.heat.out"] == 0.0
+    assert (out["mesh.halved.condition.heat.pair.p"] == 0.0).all()
+
+
+def test_fronts_are_told_by_others():
+    """Where something melts halved cells tell of the solid fraction, and of temperatures no more (fronts.py does)."""
+    def frozen(mesh, n=30, dt=1.0):
+        model = spec([{"on": "a.left", "temperature": 723.0}], T0=943.0, rho=2600.0, k=200.0, c=1000.0, method="sdirk2")
+        model["materials"]["m"]["latent"] = {"L": 390e3, "T_m": 933.0}
+        return [stepped(mesh, model, dt, k) for k in range(4, n, 4)]
+
+    mesh = scene(Box(0, 0.1, 0, 0.01, 10, 1))
+    fine = halved(halved(mesh).interface).interface
+
+    def mean(of, f_s):
+        x = of.nodes[:, 0]
+        inside = np.where((x > 1e-9) & (x < 0.1 - 1e-9), 2.0, 1.0)
+        return float(inside @ f_s / inside.sum())
+
+    some, exact = frozen(mesh), frozen(fine)
+    true = max(abs(mean(fine, np.asarray(b["f_s"])) - mean(mesh, np.asarray(a["f_s"])))
+               for a, b in zip(some, exact, strict=True))
+    told = max(abs(mean(mesh, np.asarray(a["mesh.halved.f_s"]))) for a in some)
+    assert 0.6 * true < told < 1.6 * true
+    assert all((np.asarray(a["mesh.halved.T"]) == 0.0).all() for a in some)

@@ -6,7 +6,17 @@ import math
 from dataclasses import dataclass, field, replace
 
 from coupler.trust.checks import Check, measured
-from coupler.trust.in_space import across, carried, contact_pressure, extremes, fronts, heat_mesh, mesh, peak_stress
+from coupler.trust.in_space import (
+    across,
+    carried,
+    contact_pressure,
+    extremes,
+    fronts,
+    heat_mesh,
+    mesh,
+    peak_stress,
+    probed,
+)
 from coupler.trust.in_time import drives, errors, instants, motion, rhythm, stability, steady
 from coupler.trust.laws import energy, equilibrium, solved, stored, tables, temperatures
 from coupler.trust.surfaces import (
@@ -58,6 +68,7 @@ class TrustLog:
     heat_mesh: heat_mesh.HeatMeshLog = field(default_factory=heat_mesh.HeatMeshLog)
     extremes: extremes.ExtremesLog = field(default_factory=extremes.ExtremesLog)
     fronts: fronts.FrontLog = field(default_factory=fronts.FrontLog)
+    probed: probed.ProbedLog = field(default_factory=probed.ProbedLog)
     stored: stored.StoredLog = field(default_factory=stored.StoredLog)
     solved: solved.SolvedLog = field(default_factory=solved.SolvedLog)
     motion: motion.MotionLog = field(default_factory=motion.MotionLog)

@@ -1,0 +1,205 @@
+"""How far each probe of temperatures, solid fractions and heat is off because cells are too large.
+
+A half that can solve its scene with halved cells tells what those change of its outputs (mesh.halved.NAME).  A probe is
+off by what it would tell otherwise with that.  A look costs as much as some steps, so a run takes it where most is to
+be seen: one, two, four, ... windows after the data had a kink, before the next one, at the end, and where a probe moves
+faster than at any look before; in all in no more than a share of its windows.
+
+The largest of all looks is told (Results.probe_errors), but for those in the first moment after a kink: a surface that
+a shock has just met is off by a share of it on any mesh, with smaller cells at an earlier moment.  What is gone soon
+breaks no run.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from coupler.fmu.half import Block
+from coupler.fmu.outputs import component_of
+from coupler.scenario.probes import Probe
+from coupler.schemes.levels import Level
+from coupler.schemes.state import HALVED
+from coupler.trust.checks import Check, amount, measured
+from coupler.trust.in_space.extremes import BRIEF
+
+Floats = NDArray[np.float64]
+
+LIMITS = (0.05, 0.2)  # of the range of a probe: noted, broken
+NAME = "cells fine enough for probes of heat"
+FIELDS, MEAN_T = ("T", "f_s"), "T_mean"
+# Looks: what each window earns, what there is at first, and how far a probe that moves fast may go below 0.
+EARNED, AT_FIRST, ON_CREDIT = 0.25, 3.0, 2.0
+FASTER, VISIBLE = 1.5, 0.005  # than at any look before, times; in a window in which it moves by this share of its range
+MOMENT = 0.001  # of the run, after a kink: what is off then is so on any mesh
+
+
+@dataclass(frozen=True)
+class Seen:
+    """Of a probe: value, low, high : now, and so far.  fastest : at which it moved at a look, per s.
+
+    off : (t [s], by how much it is off) of each look.
+    """
+
+    value: float
+    low: float
+    high: float
+    fastest: float = 0.0
+    off: tuple[tuple[float, float], ...] = ()
+
+    @property
+    def most(self) -> float:
+        """By how much it is off at most."""
+        return max((by for _, by in self.off), default=0.0)
+
+    def lasting(self, t: float) -> float:
+        """By how much it is off for longer than t [s], or at the last look."""
+        long = [min(by, after) for k, (at, by) in enumerate(self.off) for then, after in self.off[k + 1:]
+                if then - at > t]
+        return max([*long, *(by for _, by in self.off[-1:])], default=0.0)
+
+
+@dataclass(frozen=True)
+class ProbedLog:
+    """of : probe -> what was seen of it.  credit : looks that may be taken.  kink [s]: of the data, the last one.
+
+    since : windows behind its first moment.  next : of them, when to look.  t [s]: now.
+    """
+
+    of: Mapping[str, Seen] = field(default_factory=dict)
+    credit: float = AT_FIRST
+    kink: float = 0.0
+    since: int = 0
+    next: int = 1
+    t: float = 0.0
+
+
+class Probed:
+    """The probes of which halved cells tell something."""
+
+    def __init__(self, probes: Mapping[str, Probe], blocks: Mapping[str, Block], node_body: NDArray[np.integer]
+                 ) -> None:
+        """probes : of the scenario.  blocks : of the thermal half.  node_body : (n,) of each node."""
+        sizes = np.bincount(node_body[node_body >= 0])
+        columns = {name.removeprefix(HALVED): max(int(np.prod(block.shape)), 1) for name, block in blocks.items()
+                   if name.startswith(HALVED)}
+        self._probes = probes
+        self._found: dict[str, tuple[str, int]] = {}
+        for name, probe in probes.items():
+            if probe.quantity in FIELDS:
+                whole = probe.reduction == "mean" and probe.nodes.size == sizes[node_body[probe.nodes[0]]]
+                told = MEAN_T if whole and probe.quantity == "T" else probe.quantity
+                self._found |= {name: (told, -1)} if told in columns else {}
+            elif probe.half == "thermal" and probe.placeless and (of := component_of(probe.output, columns)):
+                self._found[name] = of
+        self.outputs = sorted({HALVED + output for output, _ in self._found.values()})
+        self.read = sorted({output for output, column in self._found.values() if column >= 0})
+
+    def values(self, now: Level, read: Mapping[str, Floats]) -> dict[str, float]:
+        """Probe -> its value in SI.  read : the outputs of `self.read` now."""
+        return {name: (self._probes[name].of(_field(now, output)) if column < 0 else
+                       float(np.ravel(read[output])[column])) for name, (output, column) in self._found.items()}
+
+    def off(self, now: Level, told: Mapping[str, Floats]) -> dict[str, float]:
+        """Probe -> by how much it is off, in SI; those of which nothing is known are left out.  told : the outputs."""
+        found = {}
+        for name, (output, column) in self._found.items():
+            change = told[HALVED + output]
+            if column >= 0:
+                found[name] = abs(float(np.ravel(change)[column]))
+            else:
+                at = _field(now, output)
+                found[name] = abs(self._probes[name].of(at + change) - self._probes[name].of(at))
+        return {name: by for name, by in found.items() if math.isfinite(by)}
+
+
+def _field(now: Level, output: str) -> Floats:
+    if output in ("T", MEAN_T):
+        return now.T
+    assert now.f_s is not None, "a half that tells of f_s gives it out"
+    return now.f_s
+
+
+def begun(values: Mapping[str, float]) -> ProbedLog:
+    """Return the log at the start.  values : of the probes."""
+    return ProbedLog({name: Seen(value, value, value) for name, value in values.items()})
+
+
+def after(log: ProbedLog, values: Mapping[str, float], t: float, end: float) -> tuple[ProbedLog, Mapping[str, float]]:
+    """Return the log after a window to t [s], and how fast probes move in it, per s.  end [s]: of the run."""
+    h, seen = t - log.t, {}
+    for name, value in values.items():
+        one = log.of[name]
+        seen[name] = replace(one, value=value, low=min(one.low, value), high=max(one.high, value))
+    speeds = {name: abs(value - log.of[name].value) / h for name, value in values.items()} if h > 0.0 else {}
+    # fault: looks are spent on the first moment of a shock -> began = True | coupler/test_trust_probed
+    began = t - log.kink > MOMENT * end
+    return replace(log, of=seen, credit=log.credit + EARNED, since=log.since + began, t=t), speeds
+
+
+def due(log: ProbedLog, speeds: Mapping[str, float], h: float, *, kink: bool, at_end: bool) -> bool:
+    """Whether to look after a window of h [s].  speeds : as `after` tells them.  kink : the data have one at its end.
+    """
+    if at_end:
+        return bool(log.of)
+    if not log.since:
+        return False
+    # fault: what begins late is looked at no more than what goes on -> soon = False | coupler/test_trust_probed
+    soon = log.since >= log.next or kink
+    fast = any(speed > FASTER * log.of[name].fastest and speed * h > VISIBLE * (log.of[name].high - log.of[name].low)
+               for name, speed in speeds.items())
+    # fault: where probes move fastest nobody looks -> return soon and log.credit >= 1.0 | coupler/test_trust_probed
+    return (soon and log.credit >= 1.0) or (fast and log.credit >= 1.0 - ON_CREDIT)
+
+
+def looked(log: ProbedLog, speeds: Mapping[str, float], off: Mapping[str, float]) -> ProbedLog:
+    """Return the log after a look.  off : as Probed.off tells it."""
+    seen = {name: replace(one, fastest=max(one.fastest, speeds.get(name, 0.0)),
+                          off=(*one.off, (log.t, off[name])) if name in off else one.off)
+            for name, one in log.of.items()}
+    return replace(log, of=seen, credit=log.credit - 1.0, next=max(2 * log.since, 1))
+
+
+def kinked(log: ProbedLog) -> ProbedLog:
+    """Return the log at a kink of the data."""
+    return replace(log, kink=log.t, since=0, next=1)
+
+
+def off_of(log: ProbedLog) -> dict[str, float]:
+    """Return probe -> how far it may be off, in SI."""
+    return {name: one.most for name, one in log.of.items()}
+
+
+def checks(log: ProbedLog, units: Mapping[str, str], slight: float = 0.0) -> tuple[Check, ...]:
+    """Return the check at the end, none where nothing is known.
+
+    units : of the probes.  slight [K]: an error of temperatures that harms nobody, and is not noted.
+    """
+    known = {name: one for name, one in log.of.items() if one.off}
+    if not known:
+        return ()
+
+    def share(name: str, by: float) -> float:
+        least = slight / LIMITS[0] if units.get(name) == "K" else 0.0
+        # fault: a probe that cells are too large for is trusted -> return 0.0 | coupler/test_trust_probed
+        return by / max(known[name].high - known[name].low, by, least) if by > 0.0 else 0.0
+
+    lasting = {name: share(name, one.lasting(BRIEF * log.t)) for name, one in known.items()}
+    most = {name: share(name, one.most) for name, one in known.items()}
+    # fault: what is soon gone breaks a run -> breaks = max(most.values()) > LIMITS[1] | coupler/test_trust_probed
+    breaks = max(lasting.values()) > LIMITS[1]
+    of, limits = (lasting, LIMITS) if breaks else (most, (LIMITS[0], math.inf))
+    worst = max(of, key=lambda name: of[name])
+    one = known[worst]
+    by = one.lasting(BRIEF * log.t) if breaks else one.most
+    t = next(at for at, off in one.off if off >= by)
+    more = max(2, math.ceil(math.sqrt(of[worst] / LIMITS[0])))
+    return (measured(
+        NAME, of[worst], limits, t=t,
+        what=f"probe {worst} may be off by {amount(by, units.get(worst, '1'))}, {100 * of[worst]:.3g} % of its range, "
+             f"because cells are too large at t = {t:.6g} s, as a solution with halved cells says",
+        remedy=f"Use {more} times as many cells along each edge there, or smaller cells where heat enters and leaves"),)
