@@ -261,8 +261,8 @@ class HalvedScene:
             course = TemperatureCourse(end.t, 0.0, np.tile(T[model.elsewhere], (len(KNOTS), 1)))
         loads = loads_at(model, end.context.load_factors, end.context.calendar.snap(end.t, end.h), -1, course)
         guess = phase_change.prescribe(scene.melting, s, prescribed_values(substep, loads.prescribed, T), scene.fixed)
-        # fault: what is stored is taken for an error -> kept = np.zeros(s.size) | thermal_fmu/test_extremes
         sizes = scene.bulk.capacities(substep, end.even(s))
+        # fault: what is stored is taken for an error -> kept = np.zeros(s.size) | thermal_fmu/test_extremes
         kept = -end.grown * sizes * (self._halved.P @ end.rate)
         problem = StageProblem(scene, substep, loads, BACKWARD_EULER, end.grown, s, substep.E_M / end.h, kept,
                                end.stores)

@@ -2,10 +2,10 @@
 
 A half that can solve its scene with halved cells tells what those change of its outputs (mesh.halved.NAME).  A probe is
 off by what it would tell otherwise with that.  A look costs as much as some steps, so a run takes it where most is to
-be seen: one, two, four, ... windows after the data had a kink, before the next one, at the end, and where a probe moves
-faster than at any look before; in all in no more than a share of its windows.
+be seen: one, two, four, ... windows after a breakpoint of the data, before the next one, at the end, and where a probe
+moves faster than at any look before; in all in no more than a share of its windows.
 
-The largest of all looks is told (Results.probe_errors), but for those in the first moment after a kink: a surface that
+The largest of all looks is told (Results.probe_errors), but for those in the first moment after one: a surface that
 a shock has just met is off by a share of it on any mesh, with smaller cells at an earlier moment.  What is gone soon
 breaks no run.
 """
@@ -32,10 +32,11 @@ Floats = NDArray[np.float64]
 LIMITS = (0.05, 0.2)  # of the range of a probe: noted, broken
 NAME = "cells fine enough for probes of heat"
 FIELDS, MEAN_T = ("T", "f_s"), "T_mean"
-# Looks: what each window earns, what there is at first, and how far a probe that moves fast may go below 0.
-EARNED, AT_FIRST, ON_CREDIT = 0.25, 3.0, 2.0
+# Looks: what there is at first, what comes evenly over the run, what each window earns, and how far below 0 it may go
+# before a kink of the data and for probes that move fast.
+AT_FIRST, OVER_THE_RUN, EARNED, ON_CREDIT = 6.0, 14.0, 0.02, 2.0
 FASTER, VISIBLE = 1.5, 0.005  # than at any look before, times; in a window in which it moves by this share of its range
-MOMENT = 0.001  # of the run, after a kink: what is off then is so on any mesh
+MOMENT = 0.001  # of the run, after a breakpoint: what is off then is so on any mesh
 
 
 @dataclass(frozen=True)
@@ -138,22 +139,23 @@ def after(log: ProbedLog, values: Mapping[str, float], t: float, end: float) -> 
     speeds = {name: abs(value - log.of[name].value) / h for name, value in values.items()} if h > 0.0 else {}
     # fault: looks are spent on the first moment of a shock -> began = True | coupler/test_trust_probed
     began = t - log.kink > MOMENT * end
-    return replace(log, of=seen, credit=log.credit + EARNED, since=log.since + began, t=t), speeds
+    credit = log.credit + EARNED + OVER_THE_RUN * h / end
+    return replace(log, of=seen, credit=credit, since=log.since + began, t=t), speeds
 
 
 def due(log: ProbedLog, speeds: Mapping[str, float], h: float, *, kink: bool, at_end: bool) -> bool:
     """Whether to look after a window of h [s].  speeds : as `after` tells them.  kink : the data have one at its end.
     """
-    if at_end:
+    if at_end or not log.of:
         return bool(log.of)
     if not log.since:
         return False
     # fault: what begins late is looked at no more than what goes on -> soon = False | coupler/test_trust_probed
-    soon = log.since >= log.next or kink
+    soon = log.since >= log.next
     fast = any(speed > FASTER * log.of[name].fastest and speed * h > VISIBLE * (log.of[name].high - log.of[name].low)
                for name, speed in speeds.items())
     # fault: where probes move fastest nobody looks -> return soon and log.credit >= 1.0 | coupler/test_trust_probed
-    return (soon and log.credit >= 1.0) or (fast and log.credit >= 1.0 - ON_CREDIT)
+    return (soon and log.credit >= 1.0) or ((fast or kink) and log.credit >= 1.0 - ON_CREDIT)
 
 
 def looked(log: ProbedLog, speeds: Mapping[str, float], off: Mapping[str, float]) -> ProbedLog:
