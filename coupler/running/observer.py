@@ -116,7 +116,7 @@ class Observer:
         self._look_at_equilibrium(look, now.t, at_end)
         if self._of_fronts:
             self.trust = self._watch.with_fronts(self.trust, None, now)
-        self.trust = replace(self.trust, probed=probed.begun(self._values(now, look)))
+        self.trust = replace(self.trust, probed=probed.begun(self._values(now, look), len(now.T)))
 
     def judge(self, tried: Tried, before: Level, fresh: bool) -> None:
         """Note what an accepted window says of whether the run can be trusted.

@@ -74,9 +74,9 @@ def test_a_run_that_went_on_tells_the_same(tmp_path):
     assert resume(tmp_path / "part.h5").probe_errors == whole.probe_errors
 
 
-def course(times, values, end=100.0, off=lambda t: 0.0, kinks=()):
+def course(times, values, end=100.0, off=lambda t: 0.0, kinks=(), n=0):
     """The log of a probe that goes through values at times, and when it was looked at."""
-    log, at = probed.begun({"a": values(0.0)}), []
+    log, at = probed.begun({"a": values(0.0)}, n), []
     before = 0.0
     for t in times:
         log, speeds = probed.after(log, {"a": values(t)}, t, end)
@@ -106,6 +106,9 @@ def test_looks_cost_no_more_than_a_share_of_the_windows():
     _, at = course(every, lambda t: (1.0 + t) ** 4 * np.sin(t), 1000.0, kinks=set(every[::2]))
     assert len(at) <= probed.AT_FIRST + probed.OVER_THE_RUN + probed.ON_CREDIT + probed.EARNED * 1000 + 1
     assert len([t for t in at if t > 800.0]) >= 5
+    # Fewer where each costs more.
+    _, few = course(every, lambda t: (1.0 + t) ** 4 * np.sin(t), 1000.0, kinks=set(every[::2]), n=7500)
+    assert len(at) / 4.0 < len(few) < len(at) / 2.0
 
 
 def verdict(offs, slight=0.0, end=100.0):

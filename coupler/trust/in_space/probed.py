@@ -34,7 +34,9 @@ NAME = "cells fine enough for probes of heat"
 FIELDS, MEAN_T = ("T", "f_s"), "T_mean"
 # Looks: what there is at first, what comes evenly over the run, what each window earns, and how far below 0 it may go
 # before a kink of the data and for probes that move fast.
-AT_FIRST, OVER_THE_RUN, EARNED, ON_CREDIT = 6.0, 14.0, 0.02, 2.0
+AT_FIRST, OVER_THE_RUN, EARNED, ON_CREDIT = 6.0, 12.0, 0.02, 2.0
+# What a look costs: the factors of four times as many unknowns grow faster than what else a window takes.
+OF_NODES, MOST = 1000.0, 3.0  # one for every so many nodes of the mesh, at least one
 FASTER, VISIBLE = 1.5, 0.005  # than at any look before, times; in a window in which it moves by this share of its range
 MOMENT = 0.001  # of the run, after a breakpoint: what is off then is so on any mesh
 
@@ -66,13 +68,15 @@ class Seen:
 
 @dataclass(frozen=True)
 class ProbedLog:
-    """of : probe -> what was seen of it.  credit : looks that may be taken.  kink [s]: of the data, the last one.
+    """of : probe -> what was seen of it.  credit : what looks may cost.  price : of one.
 
-    since : windows behind its first moment.  next : of them, when to look.  t [s]: now.
+    kink [s]: of the data, the last.  since : windows behind its first moment.  next : of them, when to look.
+    t [s]: now.
     """
 
     of: Mapping[str, Seen] = field(default_factory=dict)
     credit: float = AT_FIRST
+    price: float = 1.0
     kink: float = 0.0
     since: int = 0
     next: int = 1
@@ -125,9 +129,11 @@ def _field(now: Level, output: str) -> Floats:
     return now.f_s
 
 
-def begun(values: Mapping[str, float]) -> ProbedLog:
-    """Return the log at the start.  values : of the probes."""
-    return ProbedLog({name: Seen(value, value, value) for name, value in values.items()})
+def begun(values: Mapping[str, float], n: int = 0) -> ProbedLog:
+    """Return the log at the start.  values : of the probes.  n : nodes of the mesh."""
+    # fault: looks at a large mesh are taken to be cheap -> price = 1.0 | coupler/test_trust_probed
+    price = min(max(n / OF_NODES, 1.0), MOST)
+    return ProbedLog({name: Seen(value, value, value) for name, value in values.items()}, price=price)
 
 
 def after(log: ProbedLog, values: Mapping[str, float], t: float, end: float) -> tuple[ProbedLog, Mapping[str, float]]:
@@ -154,8 +160,9 @@ def due(log: ProbedLog, speeds: Mapping[str, float], h: float, *, kink: bool, at
     soon = log.since >= log.next
     fast = any(speed > FASTER * log.of[name].fastest and speed * h > VISIBLE * (log.of[name].high - log.of[name].low)
                for name, speed in speeds.items())
-    # fault: where probes move fastest nobody looks -> return soon and log.credit >= 1.0 | coupler/test_trust_probed
-    return (soon and log.credit >= 1.0) or ((fast or kink) and log.credit >= 1.0 - ON_CREDIT)
+    # fault: where probes move fastest nobody looks -> return soon and log.credit >= log.price |
+    #   coupler/test_trust_probed
+    return (soon and log.credit >= log.price) or ((fast or kink) and log.credit >= log.price - ON_CREDIT)
 
 
 def looked(log: ProbedLog, speeds: Mapping[str, float], off: Mapping[str, float]) -> ProbedLog:
@@ -163,7 +170,7 @@ def looked(log: ProbedLog, speeds: Mapping[str, float], off: Mapping[str, float]
     seen = {name: replace(one, fastest=max(one.fastest, speeds.get(name, 0.0)),
                           off=(*one.off, (log.t, off[name])) if name in off else one.off)
             for name, one in log.of.items()}
-    return replace(log, of=seen, credit=log.credit - 1.0, next=max(2 * log.since, 1))
+    return replace(log, of=seen, credit=log.credit - log.price, next=max(2 * log.since, 1))
 
 
 def kinked(log: ProbedLog) -> ProbedLog:
