@@ -47,6 +47,24 @@ def test_what_solvers_leave_is_no_error(tmp_path, quantity, place):
     assert check.verdict is TrustVerdict.HOLDS
 
 
+def test_heat_across_a_plane_of_symmetry(tmp_path):
+    """4e-11 J of 100 kJ, what rounding leaves: it was off by 1.7 times its range, with exit 4."""
+    film = {"convection": {"h": 1000, "T": 400}}
+    doc = {
+        "slideline": 2, "units": {"temperature": "K"}, "geometry": "plane",
+        "materials": {"m": {"rho": 7800, "c": 480, "k": 40}},
+        "bodies": {name: {"mesh": {"rectangle": {"origin": [0, y], "size": [0.02, 0.02], "cells": [6, 6]}},
+                          "material": "m", "T0": 300} for name, y in (("a", 0), ("b", 0.02))},
+        "contact": {"f": {"slave": "a.top", "master": "b.bottom", "gap_max": 0.001,
+                          "conduction": {"closed": {"law": "constant", "h": 5000}, "open": None}}},
+        "thermal": {"boundary": [{"on": "a.left", **film}, {"on": "b.left", **film}]},
+        "mechanical": {"half": "rigid", "rigid": {"pressure": {"f": 1e6}}},
+        "coupling": {"end": 200}, "probes": {"across": {"heat.pair.f[2]": "value"}}}
+    results = run(scenario_from(json.dumps(doc), tmp_path / "across.yaml", {}), tmp_path / "across.h5")
+    assert 0.0 < np.ptp(results.probe("across")[1]) < 1e-6
+    assert results.broken == ()
+
+
 def judged(size: float, nothing: dict[str, float]) -> TrustVerdict:
     """A force that goes up by `size` and may be off by as much."""
     log = errors.watched(errors.begun(np.zeros(1)), Looked(np.full(1, size), np.full(1, size), np.full(1, size)), 1.0)
