@@ -72,7 +72,7 @@ def _slowed(after: BodyMotion, contact: ContactStiffness, rate: float, rows: Flo
 
     rate : the square of the swing [1/s2].  rows : (n,) 1.0 for their components.
     """
-    system, K = contact.system, contact.across
+    system, K, M = contact.system, contact.across, contact.mass
     free, moving = system.constraints.free, system.moving * rows
     solve = factorise(constrained(system, contact.with_mass(SLIGHT * rate) + K))
 
@@ -80,9 +80,10 @@ def _slowed(after: BodyMotion, contact: ContactStiffness, rate: float, rows: Flo
         """The part of a motion that contact opposes."""
         return np.asarray(solve(K @ x * free)) * moving
 
-    left = across(np.asarray(solve(contact.mass @ after.a.ravel() * free)) * moving)
+    left = across(np.asarray(solve(M @ after.a.ravel() * free)) * moving)
     goal, now = left / max(contact.loading.step.dt, rate**-0.5), across(after.v.ravel() * rows)
-    share, whole = float(goal @ (K @ now)), float(goal @ (K @ goal))
+    # In the measure of the mass, by which no energy can be gained.
+    share, whole = float(goal @ (M @ now)), float(goal @ (M @ goal))
     if 0.0 <= share <= whole:
         return after
     # What goes away from its rest stops.
