@@ -228,7 +228,7 @@ def _heat_capacities(interface: Interface, thermal: Mapping[str, Any]) -> Iterat
     """Of each body of which density and heat capacity are known [J/K]."""
     volumes = cell_volumes(interface)
     of = np.concatenate([interface.quad_body, interface.triangle_body])
-    for name, body in thermal["bodies"].items():
+    for name, body in thermal.get("bodies", {}).items():
         material = thermal.get("materials", {}).get(body.get("material"), {})
         volume = float(volumes[of == interface.bodies.index(name)].sum())
         if volume > 0.0 and material.get("rho") and material.get("c") is not None:
