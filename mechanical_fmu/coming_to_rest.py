@@ -96,14 +96,8 @@ def _lying(groups: Groups, after: BodyMotion, contact: ContactStiffness, here: F
     # fault: a swing on ties is damped -> if False: | mechanical_fmu/test_stick_slip
     if system.contact.tied is not None:
         return none
-    free, moving, lying = system.constraints.free, system.moving, none.copy()
-
-    def yields(force: Floats) -> Floats:
-        """(n,) by component, how much what contact does by a motion moves, its sums of one group of one sign."""
-        return force * np.asarray(system.accelerations(force * free)) * moving
-
-    others = system.accelerations(-(after.f + after.push).ravel() * free) * moving
-    by = [yields(contact.across @ x) for x in (after.v.ravel(), after.a.ravel(), others)]
+    lying = none.copy()
+    by = [contact.yields(x) for x in (after.v.ravel(), after.a.ravel(), contact.others(after))]
     for group in np.unique(groups.label[here & (groups.label >= 0)]):
         bodies = groups.label == group
         rows = groups.rows(bodies)

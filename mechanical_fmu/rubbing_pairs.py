@@ -64,6 +64,16 @@ class ContactStiffness:
         """That by which surfaces stick, (n, n) [N/m]."""
         return csr_matrix(self.stiffness(self._none, 1.0) - self.across)
 
+    def others(self, motion: BodyMotion) -> Floats:
+        """Return (n,) [m/s2] the acceleration by all but contact.  motion : with what acts then."""
+        free = self.system.constraints.free
+        return np.asarray(self.system.accelerations(-(motion.f + motion.push).ravel() * free)) * self.system.moving
+
+    def yields(self, x: Floats) -> Floats:
+        """Return (n,) by component, how much what contact does by a motion x moves; its sums of a group are >= 0."""
+        force = self.across @ x
+        return np.asarray(force * self.system.accelerations(force * self.system.constraints.free) * self.system.moving)
+
     @property
     def scale(self) -> float:
         """What the mass is multiplied by in the stiffness of the step [1/s2]."""

@@ -3,8 +3,9 @@
 A rigid body that lies on a surface sinks into it by as much as its penalty asks for.  Put there without load, or under
 a load that jumps, it swings about that depth for ever, and its pressure goes from nothing to twice what it bears.
 Friction is then too weak in every swing, and what should stick slips.  Of a rigid body on a stiffer and stiffer
-surface nothing is left of the swing; what is thrown up and bounces keeps its height.  So a swing no larger than that of
-a body that was put there without load is led to the depth at which it lies.
+surface nothing is left of the swing; what is thrown up and bounces keeps its height.  So a swing that no drop makes is
+led to the depth at which the body lies: one no larger than that of a body that fell by about this depth, or as high as
+surfaces are exact.
 """
 
 from __future__ import annotations
@@ -45,15 +46,13 @@ def led_to_rest(groups: Groups, after: BodyMotion, contact: ContactStiffness, he
     system = groups.system
     if system.contact.tied is not None:
         return after
-    free, K = system.constraints.free, contact.across
-    # What all but contact does.
-    others = system.accelerations(-(after.f + after.push).ravel() * free) * system.moving
-    forces = [K @ x * free for x in (after.v.ravel(), after.a.ravel(), others)]
-    by = [force * np.asarray(system.accelerations(force)) * system.moving for force in forces]
+    others = contact.others(after)
+    by = [contact.yields(x) for x in (after.v.ravel(), after.a.ravel(), others)]
+    stiffness = others * (contact.across @ others)
     for group in np.unique(groups.label[here & (groups.label >= 0)]):
         rows = groups.rows(groups.label == group)
         of_v, of_a, without = (float(rows @ x) for x in by)
-        stiff, pressed = float(rows @ (others * forces[2])), float(rows @ (after.push.ravel() * others)) < 0.0
+        stiff, pressed = float(rows @ stiffness), float(rows @ (after.push.ravel() * others)) < 0.0
         if not pressed or not stiff > 0.0 or not without > 0.0:
             continue
         rate, dt = without / stiff, contact.loading.step.dt
@@ -82,7 +81,7 @@ def _slowed(after: BodyMotion, contact: ContactStiffness, rate: float, rows: Flo
 
     left = across(np.asarray(solve(M @ after.a.ravel() * free)) * moving)
     goal, now = left / max(contact.loading.step.dt, rate**-0.5), across(after.v.ravel() * rows)
-    # In the measure of the mass, by which no energy can be gained.
+    # In the measure of the mass, as energy is.
     share, whole = float(goal @ (M @ now)), float(goal @ (M @ goal))
     if 0.0 <= share <= whole:
         return after
