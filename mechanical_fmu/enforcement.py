@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import Protocol
+from typing import NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -46,18 +46,34 @@ def with_found_multipliers(system: System, loading: Loading, balance: ForceBalan
                                                                           0.0)))
 
 
-# Changes (n_m,) [Pa] of the multipliers, and the largest of them all [Pa], not 0: of contact, then of ties.
-Changes = tuple[tuple[Floats, float], ...]
+class Change(NamedTuple):
+    """By how much multipliers of contact, or those of ties, change.
+
+    by : (n_m,) [Pa], 0 of the other kind.  largest : of the multipliers [Pa], not 0.
+    """
+
+    by: Floats
+    largest: float
+    tied: bool
+
+    @property
+    def most(self) -> float:
+        """Return the largest change [Pa]."""
+        return float(np.abs(self.by).max(initial=0.0))
 
 
-def settled(changes: Changes, share: float) -> bool:
-    """Say whether no multiplier changes by more than a share of the largest of its kind."""
-    return all(bool(np.abs(change).max(initial=0.0) <= share * largest) for change, largest in changes)
+Changes = tuple[Change, ...]
+
+
+def settled(changes: Changes, share: float, of_ties: float | None = None) -> bool:
+    """Say whether no multiplier changes by more than a share of the largest of its kind; of_ties : another for ties."""
+    return all(change.most <= (of_ties if change.tied and of_ties is not None else share) * change.largest
+               for change in changes)
 
 
 def unsettled(system: System, changes: Changes) -> tuple[str, str]:
     """Say by how much pressures and tractions of ties still change, and where most."""
-    change, largest = max(changes, key=lambda part: float(np.abs(part[0]).max(initial=0.0)) / part[1])
+    change, largest, _ = max(changes, key=lambda change: change.most / change.largest)
     of = system.contact.pair_nodes
     # fault: a node that does not settle misnamed -> worst = int(np.argmin(np.abs(change))) |
     #   mechanical_fmu/test_semi_smooth
@@ -169,13 +185,14 @@ def solve_at_once(system: System, loading: Loading, start: ForceBalance, anchor:
     while True:
         query = _query(loading)
         changes = _changes(system, balance, query, augmented)
-        history.append(max(float(error.max()), *(float(np.abs(c).max(initial=0.0)) / most for c, most in changes)))
+        history.append(max(float(error.max()), *(change.most / change.largest for change in changes)))
         gap = loading.target - balance.u.ravel()[system.constraints.fixed]
         if not gap.any() and balances(system, balance, error, floor, history):
             # fault: pressures taken as settled -> if True: | mechanical_fmu/test_semi_smooth
-            if settled(changes, share):
+            # What ties hold together neither opens nor slips: that is settled as far as forces balance.
+            if settled(changes, share, min(share, settings.tolerance)):
                 return _as_solved(Equilibrium(balance, float(error.max()), tuple(history), fresh), query)
-            by_now = np.where(augmented, query.multipliers + sum(change for change, _ in changes), 0.0)
+            by_now = np.where(augmented, query.multipliers + sum(change.by for change in changes), 0.0)
             unfelt = replace(loading, query=query.with_multipliers(by_now))
             again = system.balance(balance.u, unfelt)
             told = floor if float(error.max()) <= settings.tolerance else floor.usually
@@ -224,7 +241,8 @@ def _changes(system: System, balance: ForceBalance, query: ContactQuery, augment
 def _by_kind(system: System, change: Floats, size: Floats) -> Changes:
     """Part changes of multipliers, (n_m,) [Pa] like their size, into those of contact and those of ties."""
     tied = np.arange(change.size) >= system.contact.pair_nodes.size
-    return tuple((np.where(kind, change, 0.0), max(float(np.abs(size[kind]).max(initial=0.0)), np.finfo(float).tiny))
+    return tuple(Change(np.where(kind, change, 0.0),
+                        max(float(np.abs(size[kind]).max(initial=0.0)), np.finfo(float).tiny), kind is tied)
                  for kind in (~tied, tied) if kind.any())
 
 
@@ -234,7 +252,7 @@ def _text(system: System, settings: SolverSettings, error: Floats, changes: Chan
         forces = (f"the forces on body {body} are out of balance by {float(error.max()):.3g} "
                   f"(tolerance {settings.tolerance:g})")
         # fault: pressures that stay are said to change -> if False: | mechanical_fmu/test_semi_smooth
-        if not any(change.any() for change, _ in changes):
+        if not any(change.by.any() for change in changes):
             return f"{vain}: {forces}"
         forces += " and "
     else:

@@ -18,7 +18,7 @@ from contact.half.model import Discard
 from contact.half.state import from_bytes, to_bytes
 from contact.problem.pairs import Settling
 from contact.rpc.link import open_link
-from mechanical_fmu.enforcement import ENFORCEMENTS, _text
+from mechanical_fmu.enforcement import ENFORCEMENTS, Change, _text
 from mechanical_fmu.problem import parse_elastic
 
 TOLERANCE = EXPECTED["C4"]["tolerance"]
@@ -187,11 +187,11 @@ def test_pressures_that_stay_are_not_said_to_change():
     """Bodies that press nothing fail by their forces alone: no word of 0 Pa, nor of another method for contact."""
     half = squeezed("semi_smooth", 1e-6)
     n = half.system.contact.pair_nodes.size
-    said = _text(half.system, half.settings, np.array([0.5, 0.1]), ((np.zeros(n), 1e-300),), "in vain")
+    said = _text(half.system, half.settings, np.array([0.5, 0.1]), (Change(np.zeros(n), 1e-300, False),), "in vain")
     assert "out of balance by 0.5" in said
     assert "pressure" not in said
     assert "pressures still change by 3 Pa" in _text(half.system, half.settings, np.array([0.5, 0.1]),
-                                                     ((np.full(n, 3.0), 4.0),), "in vain")
+                                                     (Change(np.full(n, 3.0), 4.0, False),), "in vain")
 
 
 def test_the_state_carries_the_pressures_and_survives_its_bytes():
