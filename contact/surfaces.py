@@ -72,6 +72,12 @@ class RegisteredSurfaces:
         return self.passes.smooth
 
     @property
+    def stick(self) -> Floats:
+        """Return (n_passes,) the stiffness of sticking over the penalty, of passes that state none."""
+        assert self.passes.stick is not None
+        return self.passes.stick
+
+    @property
     def parting(self) -> Ints:
         """Return (n_passes,) 1 where pieces of a pass end where the gap is 0, else 0."""
         assert self.passes.parting is not None
@@ -122,6 +128,7 @@ def _canonical(m: Register) -> Register:
         smooth=_marks("passes.smooth", p.smooth, shape),
         parting=_marks("passes.parting", p.parting, shape),
         leaning=_marks("passes.leaning", p.leaning, shape),
+        stick=np.ones(shape) if p.stick is None else checked_reals("passes.stick", p.stick, shape),
     )
     return Register(
         n_nodes=_count(m.n_nodes),
@@ -191,8 +198,9 @@ def _check_passes(p: Passes, n_surfaces: int) -> None:
     for i, (slave, master) in enumerate(zip(p.slave, p.master, strict=True)):
         if max(slave, master) >= n_surfaces:
             raise ValueError(f"pass {i} names surface {max(slave, master)}, but there are {n_surfaces}")
-        if not p.gap_max[i] > 0:
-            raise ValueError(f"gap_max of pass {i} must be > 0, got {p.gap_max[i]}")
+        for name in ("gap_max", "stick"):
+            if not getattr(p, name)[i] > 0:
+                raise ValueError(f"{name} of pass {i} must be > 0, got {getattr(p, name)[i]}")
         if not 0 < p.weight[i] <= 1:
             raise ValueError(f"weight of pass {i} must be in (0, 1], got {p.weight[i]}")
         if p.by_node[i] not in (0, 1):

@@ -263,7 +263,8 @@ def points_at(surfaces: RegisteredSurfaces, cut: Cut, asked: Asked) -> PointStat
     c[:, OFFSET_1:OFFSET_2 + 1] = surfaces.offsets[cut.number, cut.met[:, 0]]
     shapes = shapes_of(surfaces)
     c[:, RISE_S:RISE_M + 1] = shapes.rise[cut.shape[:, None], cut.met]
-    c[:, EPS_T] = asked.sticking * np.where(p.eps_T[cut.number] > 0.0, p.eps_T[cut.number], c[:, EPS_N])
+    by_penalty = surfaces.stick[cut.number] * c[:, EPS_N]
+    c[:, EPS_T] = asked.sticking * np.where(p.eps_T[cut.number] > 0.0, p.eps_T[cut.number], by_penalty)
     points = PointStates(c, *(np.zeros(n) for _ in range(5)))
     press(cut.values, c, points.doing, points.p_N)
     if p.mu.any():

@@ -471,6 +471,5 @@ def system_of(interface: Interface, spec: ElasticSpec, given: MechanicalVolume |
     alone = [pair.name for pair in interface.pairs if pair.name not in spec.augmented and not pair.tied]
     of_rigid = [] if rigid is None else [name for name, nodes in interface.surfaces.items()
                                          if np.isin(nodes, rigid.nodes).all()]
-    return System(interface, spec, mesh,
-                  constraints_of(interface, spec.displacements, rigid), MeshContact(interface, alone, of_rigid),
-                  masses)
+    contact = MeshContact(interface, alone, of_rigid, spec.augmented)
+    return System(interface, spec, mesh, constraints_of(interface, spec.displacements, rigid), contact, masses)

@@ -58,18 +58,19 @@ class ContactSurfaces:
     service, so it changes no bit of an answer.
     """
 
-    def __init__(self, interface: Interface, parting: Collection[str] = (), rigid: Collection[str] = ()) -> None:
+    def __init__(self, interface: Interface, parting: Collection[str] = (), rigid: Collection[str] = (),
+                 augmented: Collection[str] = ()) -> None:
         """parting : names of pairs that have their penalty alone (contact.messages.Passes).
 
-        rigid : names of surfaces that do not deform.
+        rigid : names of surfaces that do not deform.  augmented : of pairs whose pressures are multipliers.
         """
-        self.interface, self.parting, self.rigid = interface, parting, rigid
+        self.interface, self.parting, self.rigid, self.augmented = interface, parting, rigid, augmented
         self._registered_as = ""
 
     @cached_property
     def message(self) -> Register:
         """The message that registers them."""
-        return register_message(self.interface, self.parting, self.rigid)
+        return register_message(self.interface, self.parting, self.rigid, self.augmented)
 
     @cached_property
     def edges(self) -> Ints:

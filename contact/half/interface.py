@@ -30,7 +30,7 @@ class Pair:
     """A contact pair: slave and master are names of surfaces.
 
     gap_max : farther than this [m] nothing is faced.  eps_N : penalty stiffness [Pa/m], 0 where no half needs it.
-    mu : Coulomb's coefficient.  eps_T : stiffness of sticking [Pa/m], 0 for that of the penalty.  two_pass : searched
+    mu : Coulomb's coefficient.  eps_T : stiffness of sticking [Pa/m], 0: by the penalty.  two_pass : searched
     from either side with half the weight.  by_node : one point a slave node, not points on cut edges.  local : the
     penalty is at each place that of the two edges there in a row (Interface.stiffness), and eps_N bounds it.
     tied : what faces each other at the start, no farther apart than gap_max, is bonded for good (contact.tied).

@@ -16,13 +16,18 @@ def surface_names(interface: Interface) -> list[str]:
     return list(dict.fromkeys(name for pair in interface.pairs for name in (pair.slave, pair.master)))
 
 
-def register_message(interface: Interface, parting: Collection[str] = (),
-                     rigid: Collection[str] = ()) -> Register:
+# eps_T over eps_N where multipliers take what surfaces overlap by, and what sticks yields alone: were it as soft as the
+# penalty, as soft as cells, zones that stick would be some per cent too wide (Cattaneo).
+STICK = 4.0
+
+
+def register_message(interface: Interface, parting: Collection[str] = (), rigid: Collection[str] = (),
+                     augmented: Collection[str] = ()) -> Register:
     """The surfaces of an interface file as the message that registers them.
 
     The edges of one surface are consecutive and keep their order; nodes are indices s into Interface.contact_nodes.
     parting : names of pairs that have their penalty alone (contact.messages.Passes).  rigid : of surfaces that do not
-    deform.
+    deform.  augmented : of pairs whose pressures are multipliers.
     """
     names = surface_names(interface)
     number = {name: i for i, name in enumerate(names)}
@@ -33,7 +38,7 @@ def register_message(interface: Interface, parting: Collection[str] = (),
         edges=np.concatenate([np.empty((0, 2), dtype=np.int32), *edges]).astype(np.int32),
         edge_surface=np.repeat(np.arange(len(names)), [len(e) for e in edges]).astype(np.int32),
         axisymmetric=interface.axisymmetric,
-        passes=passes_of(interface, number, parting, rigid),
+        passes=passes_of(interface, number, parting, rigid, augmented),
         stiffness=np.concatenate([np.empty(0), *(interface.stiffness.get(name, np.zeros(len(e)))
                                                  for name, e in zip(names, edges, strict=True))]),
         offset=interface.gap_offset,
@@ -42,10 +47,10 @@ def register_message(interface: Interface, parting: Collection[str] = (),
 
 
 def passes_of(interface: Interface, number: Mapping[str, int], parting: Collection[str] = (),
-              rigid: Collection[str] = ()) -> Passes:
+              rigid: Collection[str] = (), augmented: Collection[str] = ()) -> Passes:
     """How the pairs are searched: once, twice from either side, or a surface from itself; number : of surfaces.
 
-    parting, rigid : as of register_message.
+    parting, rigid, augmented : as of register_message.
     """
     rows = []
     for i, pair in enumerate(interface.pairs):
@@ -54,16 +59,18 @@ def passes_of(interface: Interface, number: Mapping[str, int], parting: Collecti
         # fault: two passes of full weight -> weight = 1.0 | mechanical_fmu/test_contact_patch
         weight = 0.5 if pair.two_pass or slave == master else 1.0
         eps_N = 0.0 if pair.local else pair.eps_N
-        rest = (weight, int(pair.by_node), pair.gap_max, eps_N, pair.eps_T or eps_N, pair.mu,
+        rest = (weight, int(pair.by_node), pair.gap_max, eps_N, pair.eps_T, pair.mu,
                 search_depth(interface, pair), int(pair.tied), int(pair.smooth), int(pair.name in parting))
         # fault: corners lean to faces that come to fit them -> leans = [int(pair.name in parting)] * 2 |
         #   mechanical_fmu/test_bounce_on_a_corner
         leans = [int(pair.name in parting and met in rigid) for met in (pair.master, pair.slave)]
-        rows.append((i, slave, master, *rest, leans[0]))
+        # fault: what sticks is as soft as cells -> stick = 1.0 | mechanical_fmu/test_cattaneo
+        stick = STICK if pair.name in augmented else 1.0
+        rows.append((i, slave, master, *rest, leans[0], stick))
         if pair.two_pass and slave != master:
-            rows.append((i, master, slave, *rest, leans[1]))
-    columns = list(zip(*rows, strict=True)) if rows else [()] * 14
-    kinds = [np.int32, np.int32, np.int32, np.float64, np.int32, *[np.float64] * 5, *[np.int32] * 4]
+            rows.append((i, master, slave, *rest, leans[1], stick))
+    columns = list(zip(*rows, strict=True)) if rows else [()] * 15
+    kinds = [np.int32, np.int32, np.int32, np.float64, np.int32, *[np.float64] * 5, *[np.int32] * 4, np.float64]
     return Passes(*(np.array(column, dtype=kind) for column, kind in zip(columns, kinds, strict=True)))
 
 

@@ -62,8 +62,8 @@ class Friction(Part):
     """
 
     mu: Annotated[NotNegative, Entry("Coulomb's coefficient (elastic)")] = 0.0
-    stick: Annotated[Stiffness, Entry("stiffness of sticking; `auto` = that of the penalty", "Pa/m",
-                                    kind="number > 0 or `auto`")] = "auto"
+    stick: Annotated[Stiffness, Entry("stiffness of sticking; `auto` = that of the penalty, if `augmented` 4 times",
+                                      "Pa/m", kind="number > 0 or `auto`")] = "auto"
     share: Annotated[Number | None, Entry("share of the friction heat that enters the slave", least=0.0, most=1.0,
                                         default="by effusivity")] = None
 

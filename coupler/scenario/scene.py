@@ -186,7 +186,7 @@ def _pair(document: Document, file: ScenarioFile, name: str, interface: Interfac
 
 
 def _stick(pair: ContactPair) -> float:
-    """eps_T [Pa/m], 0 for that of the penalty."""
+    """eps_T [Pa/m], 0 for that which goes with the penalty."""
     return 0.0 if pair.friction is None or pair.friction.stick == "auto" else float(pair.friction.stick)
 
 
