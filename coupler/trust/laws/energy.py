@@ -64,5 +64,6 @@ def checks(log: EnergyLog) -> tuple[Check, ...]:
         NAME, lost, (NOTE_AT, float("inf")), t=log.t_lost,
         what=f"bodies lost {log.lost:.3g} J by t = {log.t_lost:.6g} s that neither work nor friction accounts for, "
              f"{100 * lost:.3g} % of their largest kinetic energy: the method damps what is fast for the windows, "
-             "which may be the motion itself",
-        remedy="Use smaller windows (coupling.adaptive.most, coupling.windows), or rho_inf nearer to 1"),)
+             "which may be the motion itself, and small swings of rigid bodies on the penalty of what they lie on",
+        remedy="Use smaller windows (coupling.adaptive.most, coupling.windows), or rho_inf nearer to 1; of swings that "
+               "settle a larger penalty leaves less"),)
