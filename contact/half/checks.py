@@ -20,6 +20,7 @@ from contact.problem.boundary import FORCES, HELD, Supported
 from contact.problem.curves import FieldSum, Polynomial
 from contact.problem.errors import Wrong
 from contact.problem.material import Axes, Material
+from contact.problem.mechanical import Solution
 from contact.problem.regions import regions_in
 from contact.problem.start import AtNodes, Course
 from contact.problem.values import At, did_you_mean, no_such_surface
@@ -330,7 +331,7 @@ def elastic_wrongs(problem: ElasticProblem, interface: Interface) -> Iterator[Wr
 
 
 def _one_way_to_settle(problem: ElasticProblem) -> Iterator[Wrong]:
-    """Augmented pairs, whose pressures hang together, that are to settle in different ways."""
+    """Augmented pairs, whose pressures hang together, that are to settle in different ways, or by no equilibrium."""
     ways = {name: pair.augmented.method for name, pair in problem.pairs.items() if pair.augmented is not None}
     first = next(iter(ways), "")
     for name, way in ways.items():
@@ -340,6 +341,11 @@ def _one_way_to_settle(problem: ElasticProblem) -> Iterator[Wrong]:
             yield Wrong(("pairs", name, "augmented", "method"),
                         f"{way.value} here, {ways[first].value} in contact.{first}: all augmented pairs are solved "
                         "together", "Write one method in all of them.")
+        # fault: explicit steps with pressures that never settle are taken -> if False: | coupler/test_scenario_contact
+        if problem.method is Solution.EXPLICIT:
+            yield Wrong(("pairs", name, "augmented"), "method: explicit finds no equilibrium in which pressures settle",
+                        f"Leave contact.{name}.augmented out: contact then presses by its penalty; or choose another "
+                        "method.")
 
 
 def _condition(problem: ElasticProblem, i: int) -> Iterator[Wrong]:

@@ -142,6 +142,15 @@ def test_pairs_that_settle_in_different_ways_are_named(tmp_path: Path) -> None:
     assert caught.value.key == "contact.other.augmented.method"
 
 
+def test_explicit_steps_refuse_pressures_that_settle(tmp_path: Path) -> None:
+    """They never did: contact pressed by its penalty alone, and nothing said so."""
+    explicit = {"mechanical.elastic.method": "explicit"}
+    with pytest.raises(ScenarioError, match="finds no equilibrium") as caught:
+        load_text(tmp_path, GOOD, {f"{FACE}.augmented": {}, **explicit})
+    assert caught.value.key == f"{FACE}.augmented"
+    assert load_text(tmp_path, GOOD, explicit).interface.pairs
+
+
 @pytest.mark.parametrize(("piece", "where"), [("    friction: {mu: 0.3}\n", "friction.mu"),
                                               ("    augmented: {tolerance: 1.0e-4}\n", "augmented")])
 def test_the_rigid_half_refuses_what_it_would_ignore(piece: str, where: str, tmp_path: Path) -> None:
