@@ -25,7 +25,7 @@ from coupler.schemes.ledger import Ledger
 from coupler.schemes.levels import Level
 from coupler.schemes.state import CoupledState, Halves
 from coupler.trust.checks import Check
-from coupler.trust.in_space import probed
+from coupler.trust.in_space import contact_ends, probed
 from coupler.trust.in_space.extremes import extreme_outputs
 from coupler.trust.in_space.fronts import front_outputs
 from coupler.trust.in_space.heat_mesh import heat_mesh_outputs
@@ -68,7 +68,8 @@ class Observer:
                                      friction_names(halves.mechanical))
         self._of_mesh = {"mechanical": mesh_outputs(halves.mechanical.blocks),
                          "thermal": heat_mesh_outputs(halves.thermal.blocks)}
-        self._of_stress = {"mechanical": stress_outputs(halves.mechanical.blocks, interface, scenario.own_meshes)}
+        stress = stress_outputs(halves.mechanical.blocks, interface, scenario.own_meshes)
+        self._of_stress = {"mechanical": [*stress, *contact_ends.outputs(halves.mechanical.blocks, stress)]}
         self._of_extremes = extreme_outputs(halves.thermal.blocks)
         # Nobody else needs to know in every window.
         of_T = any(probe.quantity == "T" for probe in scenario.probes.values())

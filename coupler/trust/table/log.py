@@ -9,6 +9,7 @@ from coupler.trust.checks import Check, measured
 from coupler.trust.in_space import (
     across,
     carried,
+    contact_ends,
     contact_pressure,
     extremes,
     fronts,
@@ -65,6 +66,7 @@ class TrustLog:
     mesh: mesh.MeshLog = field(default_factory=mesh.MeshLog)
     peak_stress: peak_stress.PeakLog = field(default_factory=peak_stress.PeakLog)
     contact_pressure: contact_pressure.PressureLog = field(default_factory=contact_pressure.PressureLog)
+    contact_ends: contact_ends.EndLog = field(default_factory=contact_ends.EndLog)
     heat_mesh: heat_mesh.HeatMeshLog = field(default_factory=heat_mesh.HeatMeshLog)
     extremes: extremes.ExtremesLog = field(default_factory=extremes.ExtremesLog)
     fronts: fronts.FrontLog = field(default_factory=fronts.FrontLog)

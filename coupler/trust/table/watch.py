@@ -23,6 +23,7 @@ from coupler.trust.in_space import (
     across,
     at_nodes,
     carried,
+    contact_ends,
     contact_pressure,
     extremes,
     fronts,
@@ -100,6 +101,7 @@ class TrustWatch:
         self._peak_stress = peak_stress.PeakStress(interface, models["mechanical"], probed or {})
         self._probed = dict(probed or {})
         self._pressed = contact_pressure.ContactPressure(interface, self._probed, self._peak_stress)
+        self._ends = contact_ends.ContactEnds(interface, models["mechanical"])
         self._tables = tables.MaterialTables(interface, models)
         self._pressures = pressures.PressureTables(interface, models["thermal"])
         self._stored = stored.StoredHeat(interface, models["thermal"], "thermal" in self._own_meshes,
@@ -193,9 +195,13 @@ class TrustWatch:
                        heat_mesh=heat_mesh.watched(log.heat_mesh, of_heat, t))
 
     def looked_at_stress(self, log: TrustLog, told: Mapping[str, Array], now: Level) -> TrustLog:
-        """Return the log after a look at the stress.  told : outputs of the mechanical half by name [Pa]."""
+        """Return the log after a look at the stress.
+
+        told : outputs of the mechanical half by name, of peak_stress.py [Pa] and contact_ends.py [1].
+        """
         return replace(log, peak_stress=self._peak_stress.watched(log.peak_stress, told, now.t),
-                       contact_pressure=self._pressed.watched(log.contact_pressure, told[peak_stress.STRESS], now))
+                       contact_pressure=self._pressed.watched(log.contact_pressure, told[peak_stress.STRESS], now),
+                       contact_ends=self._ends.watched(log.contact_ends, told, now))
 
     def wants_extremes(self, log: TrustLog, at_end: bool, t: float, event: float, end: float) -> bool:
         """Whether to ask the thermal half for what its mesh does to extremes.  The rest is as of `extremes.due`."""
@@ -260,6 +266,7 @@ class TrustWatch:
             *self._peak_stress.checks(log.peak_stress, mesh.bears(log.mesh) if log.mesh.energy else
                                       dict.fromkeys(self._interface.bodies, True), self._nothing.get("Pa", 0.0)),
             *self._pressed.checks(log.contact_pressure, self._nothing.get("Pa", 0.0)),
+            *self._ends.checks(log.contact_ends),
             *across.checks(log.across, log.temperatures.span),
             *rhythm.checks(log.rhythm, place(log.rhythm.node), self._interface.bodies),
             *passing.checks(log.passing, place(log.passing.node, log.passing.end), bool(self._interface.pairs),
