@@ -157,6 +157,10 @@ class ContactEnds:
                 whole += 0.5 * float(run.force.sum())  # each is looked at towards both of its ends
                 for side in (pair.slave, pair.master):
                     edge = self._edge(side, run, now.x, slave=side == pair.slave)
+                    # fault: where a block ends it drags something along -> if edge is None or edge.beyond in on: |
+                    #   coupler/test_trust_contact_ends
+                    # fault: what another pair presses is dragged along -> if edge is None or edge.lip < TURNED: |
+                    #   coupler/test_trust_contact_ends
                     if edge is None or edge.beyond in on or edge.lip < TURNED:
                         continue
                     cells = self._cells[edge.last]
@@ -219,6 +223,8 @@ class ContactEnds:
         if beyond is None:
             return None
         # The other body is on the right hand of the surface.
+        # fault: a surface turns the wrong way where nodes go back -> lip = -_angle(along, x[beyond] - x[last]) |
+        #   coupler/test_trust_contact_ends
         lip = _angle(along, x[beyond] - x[last]) * (1.0 if back else -1.0)
         return Edge(float(np.hypot(*(x[last] - x[inner]))), last, beyond, lip)
 
@@ -275,6 +281,7 @@ def _areas(x: Floats, closed: bool, axisymmetric: bool) -> Floats:
     ends = np.roll(x, -1, axis=0) if closed else x[1:]
     first, area = x[: len(ends)], np.zeros(len(x))
     length = np.hypot(*(ends - first).T)
+    # fault: an end about an axis counts as one in a plane -> r, s = 1.0, 1.0 | coupler/test_trust_contact_ends
     r, s = (2.0 * np.pi * first[:, 0], 2.0 * np.pi * ends[:, 0]) if axisymmetric else (1.0, 1.0)
     area[: len(ends)] += length * (2.0 * r + s) / 6.0
     area[(np.arange(len(ends)) + 1) % len(x)] += length * (r + 2.0 * s) / 6.0
