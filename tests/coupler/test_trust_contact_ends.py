@@ -204,6 +204,17 @@ def test_a_part_of_a_body_may_yield() -> None:
     assert told.number == pytest.approx(0.1)
 
 
+def test_creep_counts_as_flow() -> None:
+    interface, of = scene(), model(materials={"soft": {"creep": {"K": 1e8, "m": 0.1}}, "hard": HARD})
+    ends, n = ContactEnds(interface, of), len(interface.quads)
+    still = {"peeq": np.zeros(n), "sigma_v": np.full(n, YIELDS)}
+    log = EndLog(flowed=np.zeros(n))
+    for ceeq, number in ((0.0, 0.0), (1e-6, 0.1)):
+        log = ends.watched(log, still | {"ceeq": np.full(n, ceeq)}, level(interface, wider(0.03)))
+        (told,) = ends.checks(log)
+        assert told.number == pytest.approx(number, rel=1e-9)
+
+
 def test_only_what_yields_by_then_is_told() -> None:
     interface = scene()
     told = row(interface, level(interface, wider(0.03)), flows=False)
