@@ -251,6 +251,16 @@ def test_what_two_pairs_press_side_by_side_is_no_end() -> None:
     assert told[1] == 0.0
 
 
+@pytest.mark.parametrize("behind", [0.0, 0.1])
+def test_a_load_on_a_line_is_borne_by_what_lies_behind(behind: float) -> None:
+    """A sheet that bends lifts off a punch behind its corner, and carries its load there."""
+    interface = scene()
+    pressures = dict.fromkeys([0.5 + 0.1 * k for k in range(5)], 0.0) | {1.0: behind, 1.1: 1.9}
+    told = row(interface, level(interface, pressures))
+    assert told is not None
+    assert told.number == 0.0
+
+
 def test_a_contact_of_one_edge_is_told_once() -> None:
     interface = scene(1)
     told = row(interface, level(interface, {0.5: 1.1, 1.1: 1.1}))

@@ -17,7 +17,7 @@ much, by strain or by rate, the pressure at an edge is higher than by the cells 
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -32,6 +32,7 @@ from coupler.trust.checks import Check, measured
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.intp]
+Flags = NDArray[np.bool_]
 
 LIMITS = (0.05, 0.2)  # of the force: noted, broken
 TURNED = -np.deg2rad(45.0)  # a surface that turns away by more than this ends there
@@ -78,16 +79,18 @@ class Chain:
 
 @dataclass(frozen=True)
 class Pressed:
-    """Successive nodes of a slave that press, towards an end of contact.
+    """Successive nodes of a slave that face the other body, towards an end of what of them presses.
 
     nodes : (n,), x : (n, 2) [m].  force : (n,) [N].  faced : (n,) [m2] what of their parts of the surface faces the
-    other body.  reach : share of the last edge that does.  back : the nodes go against the surface.
+    other body.  first : the first that presses; from there on all do.  reach : share of the last edge that faces it.
+    back : the nodes go against the surface.
     """
 
     nodes: Ints
     x: Floats
     force: Floats
     faced: Floats
+    first: int
     reach: float
     back: bool
 
@@ -154,22 +157,14 @@ class ContactEnds:
         log = replace(log, flowed=flowed)
         on = set(self._interface.pair_nodes[(now.t_N < 0.0) & (now.covered > 0.5 * SLIVER**2)].tolist())
         for pair in self._pairs:
-            whole, excess, worst = 0.0, 0.0, (0.0, 0)
-            for run in self._runs(pair, now):
-                whole += 0.5 * float(run.force.sum())  # each is looked at towards both of its ends
-                for side in (pair.slave, pair.master):
-                    edge = self._edge(side, run, now.x, slave=side == pair.slave)
-                    # fault: where a block ends it drags something along -> if edge is None or edge.beyond in on: |
-                    #   coupler/test_trust_contact_ends
-                    # fault: what another pair presses is dragged along -> if edge is None or edge.lip < TURNED: |
-                    #   coupler/test_trust_contact_ends
-                    if edge is None or edge.beyond in on or edge.lip < TURNED:
-                        continue
-                    cells = self._cells[edge.last]
-                    if flows[cells].all():
-                        of_nothing = _of_nothing(run, edge, self._bears(float(told[STRESS][cells].mean()), edge.lip))
-                        excess += of_nothing
-                        worst = max(worst, (of_nothing, edge.last))
+            whole, excess, worst = self._force(pair, now), 0.0, (0.0, 0)
+            for both in self._runs(pair, now):
+                ends = [end for run in both for side in (pair.slave, pair.master)
+                        if (end := self._end(side, run, now.x, flows, told[STRESS], on, slave=side == pair.slave))]
+                of_nothing = _of_nothing(ends)
+                excess += of_nothing
+                node = max(((run.force[-1], edge.last) for run, edge, _ in ends), default=(0.0, 0))[1]
+                worst = max(worst, (of_nothing, node))
             if whole > log.most.get(pair.name, 0.0):
                 log = replace(log, most={**log.most, pair.name: whole})
             # fault: what was too much before is forgotten -> if excess > 0.0: | coupler/test_trust_contact_ends
@@ -186,22 +181,48 @@ class ContactEnds:
         fan = 0.0 if self._in_plane else 0.5 * np.pi + min(lip, 0.0)
         return float(2.0 * k * (1.0 + fan))
 
-    def _runs(self, pair: Pair, now: Level) -> Iterator[Pressed]:
-        """Successive nodes of the slave that press, each towards both of its ends."""
-        axisymmetric = self._interface.axisymmetric
+    def _faced(self, chain: Chain, now: Level) -> tuple[Floats, Floats]:
+        """(n,) [m2] what of the parts of nodes along a chain faces the other body, and (n,) [N] what presses there."""
+        faced = now.covered[chain.at] * _areas(now.x[chain.nodes], chain.closed, self._interface.axisymmetric)
+        return faced, np.maximum(-now.t_N[chain.at], 0.0) * faced
+
+    def _force(self, pair: Pair, now: Level) -> float:
+        """What a pair presses in all [N]."""
+        return sum(float(self._faced(chain, now)[1].sum()) for chain in self._chains[pair.name])
+
+    def _runs(self, pair: Pair, now: Level) -> Iterator[tuple[Pressed, Pressed]]:
+        """Successive nodes of the slave that press, towards the one end and towards the other."""
         for chain in self._chains[pair.name]:
-            x = now.x[chain.nodes]
-            faced = now.covered[chain.at] * _areas(x, chain.closed, axisymmetric)
-            force = np.maximum(-now.t_N[chain.at], 0.0) * faced
+            x, (faced, force) = now.x[chain.nodes], self._faced(chain, now)
             steps = np.diff((force > 0.0).astype(int), prepend=0, append=0)
+            apart = np.flatnonzero(np.concatenate([[True], faced == 0.0, [True]])) - 1
             for first, behind in zip(np.flatnonzero(steps == 1), np.flatnonzero(steps == -1), strict=True):
                 if behind - first < 2:
                     continue
-                for back in (False, True):
-                    here = np.arange(first, behind)[:: -1 if back else 1]
-                    half = _areas(x[here[-2:]], False, axisymmetric)[-1]
-                    reach = float(np.sqrt(min(faced[here[-1]] / half, 1.0)))
-                    yield Pressed(chain.nodes[here], x[here], force[here], faced[here], reach, back)
+                found = []
+                for back, here in ((False, np.arange(apart[apart < first].max() + 1, behind)),
+                                   (True, np.arange(apart[apart >= behind].min() - 1, first - 1, -1))):
+                    half = _areas(x[here[-2:]], False, self._interface.axisymmetric)[-1]
+                    found.append(Pressed(chain.nodes[here], x[here], force[here], faced[here],
+                                         here.size - int(behind - first),
+                                         float(np.sqrt(min(faced[here[-1]] / half, 1.0))), back))
+                yield found[0], found[1]
+
+    def _end(self, side: str, run: Pressed, x: Floats, flows: Flags, sigma_v: Floats, on: set[int], *,
+             slave: bool) -> tuple[Pressed, Edge, float] | None:
+        """Where a run ends on a body that yields there and goes on, and the pressure [Pa] that this bears; else None.
+
+        flows : (n_cells,), sigma_v : (n_cells,) [Pa].  on : nodes that are pressed.  slave : whether `side` is it.
+        """
+        edge = self._edge(side, run, x, slave=slave)
+        # fault: where a block ends it drags something along -> if edge is None or edge.beyond in on: |
+        #   coupler/test_trust_contact_ends
+        # fault: what another pair presses is dragged along -> if edge is None or edge.lip < TURNED: |
+        #   coupler/test_trust_contact_ends
+        if edge is None or edge.beyond in on or edge.lip < TURNED:
+            return None
+        cells = self._cells[edge.last]
+        return (run, edge, self._bears(float(sigma_v[cells].mean()), edge.lip)) if flows[cells].all() else None
 
     def _edge(self, surface: str, run: Pressed, x: Floats, *, slave: bool) -> Edge | None:
         """Find where contact ends on a surface; None: its body does not yield, or ends there.
@@ -247,24 +268,27 @@ class ContactEnds:
         return (measured(NAME, share, LIMITS, t=t, what=what, remedy=remedy),)
 
 
-def _of_nothing(run: Pressed, edge: Edge, bears: float) -> float:
-    """Force [N] that nodes near the end of contact press beyond what the body bears there : [Pa]."""
-    steps = np.hypot(*np.diff(run.x, axis=0).T)
-    size = max(edge.size, float(steps[-1]))
-    steps[-1] *= run.reach
-    depth = np.append(np.cumsum(steps[::-1])[::-1], 0.0)
-    near, far = np.clip(NEAR - depth / size, 0.0, 1.0), np.clip(1.0 - depth / (NEAR * size), 0.0, 1.0)
-    inside = (depth > NEAR * size) & (depth < INSIDE * size)
-    within = float(run.force[inside].sum() / run.faced[inside].sum()) if inside.any() else bears
-    # fault: a pressure that rises inside is taken for too much -> of_end = np.ones_like(depth) |
-    #   coupler/test_trust_contact_ends
-    of_end = far if within > bears else near
-    most = within + of_end * (bears - within)
-    # What is nearer to the other end of the run is of that.
-    # fault: what both ends of a short contact press counts twice -> own = np.ones_like(depth) |
-    #   coupler/test_trust_contact_ends
-    own = np.clip(0.5 + (0.5 * depth[0] - depth) / (HERE * size), 0.0, 1.0)
-    return max(float((own * near) @ (run.force - most * run.faced)), 0.0)
+def _of_nothing(ends: Sequence[tuple[Pressed, Edge, float]]) -> float:
+    """Force [N] that a run presses near its ends, one or both, beyond what the body bears there, [Pa] of each."""
+    found = 0.0
+    for run, edge, bears in ends:
+        steps = np.hypot(*np.diff(run.x, axis=0).T)
+        size = max(edge.size, float(steps[-1]))
+        steps[-1] *= run.reach
+        depth = np.append(np.cumsum(steps[::-1])[::-1], 0.0)
+        near, far = np.clip(NEAR - depth / size, 0.0, 1.0), np.clip(1.0 - depth / (NEAR * size), 0.0, 1.0)
+        inside = (depth > NEAR * size) & (depth < INSIDE * size)
+        within = float(run.force[inside].sum() / run.faced[inside].sum()) if inside.any() else bears
+        # fault: a pressure that rises inside is taken for too much -> of_end = np.ones_like(depth) |
+        #   coupler/test_trust_contact_ends
+        of_end = far if within > bears else near
+        most = within + of_end * (bears - within)
+        # What is nearer to the other end, where that is one, is of that.
+        # fault: what both ends of a short contact press counts twice -> own = np.ones_like(depth) |
+        #   coupler/test_trust_contact_ends
+        own = np.clip(0.5 + (0.5 * depth[run.first] - depth) / (HERE * size), 0.0, 1.0) if len(ends) == 2 else 1.0
+        found += float((own * near) @ (run.force - most * run.faced))
+    return max(found, 0.0)
 
 
 def _angle(u: Floats, v: Floats) -> float:
