@@ -11,7 +11,7 @@ from pydantic_core import ErrorDetails
 
 from contact.problem.boundary import FORMAT, UNEVEN
 from contact.problem.part import Part
-from contact.problem.values import At, did_you_mean
+from contact.problem.values import NO_TEXT, At, did_you_mean
 
 P = TypeVar("P", bound=Part)
 SHOWN = 60  # longer values are not repeated in a message
@@ -49,7 +49,12 @@ def _value_at(node: Any, key: At) -> Any:
 
 def wrongs(error: ValidationError) -> list[Wrong]:
     """List all that is wrong, in the order it was found; a key that is missing because it is misspelt is told once."""
-    found = [_wrong(details) for details in error.errors(include_url=False)]
+    told = error.errors(include_url=False)
+    found = [_wrong(details) for details in told]
+    # Where a value may have one of several forms, the form of which more is there is meant, and text last.
+    forms = [w for w, details in zip(found, told, strict=True) if any(_is_form(p) for p in details["loc"])]
+    found = [w for w in found if not (w in forms and any(
+        w.key == f.key[: len(w.key)] and (w.key != f.key or w.text == NO_TEXT != f.text) for f in forms))]
     misspelt = {(w.key[:-1], meant(w)) for w in found if w.text == UNKNOWN}
     return [w for w in found if not (w.text == MISSING and (w.key[:-1], w.key[-1]) in misspelt)]
 
@@ -60,9 +65,15 @@ def meant(wrong: Wrong) -> str:
     return rest.partition("'")[0] if head.startswith("Did you mean") else ""
 
 
+def _is_form(part: int | str) -> bool:
+    """Whether a part of a place names one of the forms of a value, and is no key of a file."""
+    return isinstance(part, str) and part.startswith("function-")
+
+
 def _wrong(details: ErrorDetails) -> Wrong:
     # Tags of unions stand in angle brackets, "[key]" marks a name that is itself wrong: not in the file.
-    key: At = tuple(p for p in details["loc"] if not (isinstance(p, str) and (p[:1] == "<" or p == "[key]")))
+    key: At = tuple(p for p in details["loc"]
+                    if not (isinstance(p, str) and (p[:1] == "<" or p == "[key]" or _is_form(p))))
     context = details.get("ctx", {})
     kind = details["type"]
     if kind == "slideline":

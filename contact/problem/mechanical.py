@@ -140,7 +140,7 @@ class ElasticBoundary(Supported):
             if getattr(self, key) is not None and place != "body":
                 raise problem("only a rigid body has an angle", "Use `body: NAME`.", at=(key,))
         if len(given) > 1 and self.name is not None:
-            entries = [f"{{{place}: {getattr(self, place)}, name: {self.name}{k * f'_{k + 1}'}, {key}: ...}}"
+            entries = [f"{{{place}: {getattr(self, place)}, name: {self.name}{f'_{k + 1}' if k else ''}, {key}: ...}}"
                        for k, key in enumerate(given)]
             raise problem(f"a name stands for one factor, but {' and '.join(given)} are given",
                           f"Write an entry for each, of which only what is driven needs a name: {', '.join(entries)}.",

@@ -23,6 +23,7 @@ At = tuple[str | int, ...]
 
 # Longer lists than this are not read.
 MANY = 16
+NO_TEXT = "text is needed here"
 
 
 def problem(text: str, remedy: str = "", at: At = ()) -> PydanticCustomError:
@@ -168,7 +169,7 @@ def text(value: Any) -> str:
     if isinstance(value, Refused):
         raise problem(value.message, value.remedy)
     if not isinstance(value, str):
-        raise problem("text is needed here", "Put it in quotes.")
+        raise problem(NO_TEXT, "Put it in quotes.")
     return value
 
 

@@ -128,3 +128,18 @@ def test_contact_quantities_are_not_of_a_body(tmp_path: Path) -> None:
 def test_an_output_without_its_half_is_told_how_it_is_written(tmp_path: Path) -> None:
     with pytest.raises(ScenarioError, match=r"begin with the half: mechanical\.sigma_v or thermal\.sigma_v"):
         with_probe(tmp_path, {"sigma_v": {"max": "upper"}})
+
+
+@pytest.mark.parametrize(("target", "key", "text"), [
+    ({"T": {"body": "upper", "component": "y"}}, "probes.it.T.component", "unknown key"),
+    ({"mechanical.iterations": {"component": "y"}}, "probes.it.mechanical.iterations.component", "unknown key"),
+    ({"T": {}}, "probes.it.T", "exactly one of at, max, min, mean"),
+    ({"T": [1]}, "probes.it.T", "a mapping is needed"), ({"T": {"max": 3}}, "probes.it.T.max", "text is needed")])
+def test_what_is_wrong_with_a_probe_is_told_once_by_the_keys_of_the_file(
+        target: object, key: str, text: str, tmp_path: Path) -> None:
+    """A value may be text or a mapping: names of the two forms stood among the keys, and both were told."""
+    with pytest.raises(ScenarioError, match=text) as caught:
+        with_probe(tmp_path, target)
+    assert caught.value.key == key
+    assert str(caught.value).count("probes.it") == 1
+    assert "function" not in str(caught.value)

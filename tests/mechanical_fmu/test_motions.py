@@ -283,6 +283,7 @@ TURN = {"about": [0.0, 0.0], "angle": 0.1}
     ([{"body": "block", "angle": 0.1, "rotation": TURN}], "the rotation has the angle of the body already"),
     ([{"on": "block.top", "rotation": {"about": [0.0, 0.0]}}], r"rotation\.angle: a required key is missing"),
     ([{"on": "block.top", "rotation": TURN, "u_x": 0.1, "name": "a"}], "a name stands for one factor"),
+    ([{"on": "block.top", "u_x": 0, "u_y": 0.1, "rotation": TURN, "name": "a"}], "name: a_3"),
     ([{"on": "block.top", "u_x": 0.0, "u_y": 0.1, "name": "a"}],
      r"\{on: block\.top, name: a, u_x: \.\.\.\}, \{on: block\.top, name: a_2, u_y: \.\.\.\}"),
 ])
