@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from types import TracebackType
 
@@ -18,20 +18,26 @@ from coupler.schemes.sweep import DiscardError
 class SavedStates:
     """The states of both halves at the start of a window, while the block lasts.
 
-    t [s], number (from 1) : of the window, for messages.
+    t [s], number (from 1) : of the window, for messages.  roles : whose states, where it is not both.
     """
 
-    def __init__(self, halves: Halves, t: float, number: int) -> None:
-        self._both = (halves.thermal, halves.mechanical)
+    def __init__(self, halves: Halves, t: float, number: int, roles: Sequence[str] = ("thermal", "mechanical")) -> None:
+        self._roles = tuple(roles)
+        self._both = tuple(halves.thermal if role == "thermal" else halves.mechanical for role in roles)
         self._t, self.number = t, number
 
     def __enter__(self) -> SavedStates:
         self._tokens = [half.save() if half.can_save else None for half in self._both]
         return self
 
-    def roll_back(self, why: str) -> None:
-        """Both halves to the start of the window.  Raises CouplingError where one keeps no states."""
-        for half, token in zip(self._both, self._tokens, strict=True):
+    def roll_back(self, why: str, only: str = "") -> None:
+        """Both halves, or the one of a role, to the start of the window.
+
+        Raises CouplingError where one keeps no states.
+        """
+        for role, half, token in zip(self._roles, self._both, self._tokens, strict=True):
+            if only not in ("", role):
+                continue
             if token is None:
                 raise CouplingError(f"{why}; half {half.name!r} keeps no states, so the window cannot be tried again",
                                     t=self._t, window=self.number,
@@ -90,9 +96,7 @@ def solve_once(halves: Halves, state: CoupledState, span: Span, options: SolveOp
     scheme = scheme_of(options.scheme)
     if (lack := scheme.lacking(halves.thermal, halves.mechanical, span.substeps)) is not None:
         raise lack
-    given = halves
-    if inputs := with_mode(options.settings.inputs, halves.mechanical, scheme.frozen_entropy):
-        given = replace(halves, inputs=inputs)
+    given = given_to(halves, options)
     try:
         solved = scheme.solve(WindowTask(given, state, span, options.settings.iteration, saved.roll_back,
                                          options.extrapolation))
@@ -105,6 +109,12 @@ def solve_once(halves: Halves, state: CoupledState, span: Span, options: SolveOp
     saved.roll_back("a window is to be solved once")
     again = solve_once(halves, state, span, replace(options, scheme=other, instead=keep), saved)
     return replace(again, work=solved.work.plus(again.work), history=solved.history)
+
+
+def given_to(halves: Halves, options: SolveOptions) -> Halves:
+    """Return the halves with what a window gives them besides what is exchanged."""
+    inputs = with_mode(options.settings.inputs, halves.mechanical, scheme_of(options.scheme).frozen_entropy)
+    return replace(halves, inputs=inputs) if inputs else halves
 
 
 # The same window in two halves: what a window's error is, measured where nothing else tells it.

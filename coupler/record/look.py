@@ -26,6 +26,13 @@ class Look:
         self._found = {role: dict(halves[role].read(list(names), finite=False))
                        for role, names in wanted.items() if names}
 
+    @staticmethod
+    def of(found: Mapping[str, Mapping[str, Array]]) -> Look:
+        """Return the look at outputs that were read before.  found : role -> output -> array."""
+        look = Look({}, {})
+        look._found = {role: dict(read) for role, read in found.items()}
+        return look
+
     def read(self, role: str, names: Sequence[str]) -> dict[str, Array]:
         """Name -> array in the shape and unit of its block; of a foreign half it may be no number in places."""
         found = self._found.setdefault(role, {})

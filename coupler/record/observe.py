@@ -262,7 +262,7 @@ class ProbeReader:
             found.append(probe.of(fields[probe.quantity]))
         return np.array(found)
 
-    def measurable(self, level: Level) -> Array:
+    def measurable(self, level: Level, look: Look | None = None) -> Array:
         """Return the probes as `values` does, but nan for a gap where a node faces nothing and for what one step moved.
 
         There it is told as `gap_max`, and from one answer of a window to the other it may jump by all of that: no error
@@ -270,7 +270,7 @@ class ProbeReader:
         """
         out_of_reach = [pair.gap_max for pair in self._interface.pairs]
         gaps = np.array([probe.quantity == "gap" for probe in self._probes.values()], dtype=bool)
-        found = self.values(level)
+        found = self.values(level, look)
         # fault: a node that faces nothing counts as an error of its gap -> return found | coupler/test_trust_errors
         # fault: what half a step moves is an error of the whole -> return np.where(gaps & np.isin(found, out_of_reach),
         #   np.nan, found) | coupler/test_probes_of_a_step

@@ -11,12 +11,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from coupler.control.loop import Tried
+from coupler.control.spare import Window
 from coupler.fmu.half import Half
 from coupler.record.checkpoint import RunRecord
 from coupler.record.frames import frame_choice
 from coupler.record.look import Look, together
 from coupler.record.observe import ConditionReader, ExtraOutputs, ProbeReader, friction, friction_names
 from coupler.record.recorder import Recorder, WindowRecord
+from coupler.running.moved_probes import MovedProbes
 from coupler.scenario import Scenario
 from coupler.scenario.options import Scheme
 from coupler.scenario.scales import slight_errors
@@ -30,7 +32,9 @@ from coupler.trust.in_space.extremes import extreme_outputs
 from coupler.trust.in_space.fronts import front_outputs
 from coupler.trust.in_space.heat_mesh import heat_mesh_outputs
 from coupler.trust.in_space.mesh import mesh_outputs
+from coupler.trust.in_space.moved import MovedLog
 from coupler.trust.in_space.peak_stress import stress_outputs
+from coupler.trust.in_time.errors import Looked
 from coupler.trust.laws.equilibrium import OUTPUT as STABLE
 from coupler.trust.laws.equilibrium import SOFT
 from coupler.trust.table.log import TrustLog
@@ -78,6 +82,7 @@ class Observer:
         self._of_fronts = front_outputs(halves.thermal.blocks, interface, scenario.own_meshes) if of_T else []
         self._probed = probed.Probed({} if "thermal" in scenario.own_meshes else scenario.probes, halves.thermal.blocks,
                                     interface.node_body)
+        self._moved = MovedProbes(scenario, halves)
         self.choice = frame_choice(scenario.output.most, scenario.coupling.end, len(interface.nodes),
                                    self.outputs.fields)
         self.trust = TrustLog()
@@ -119,7 +124,12 @@ class Observer:
         self._look_at_equilibrium(look, now.t, at_end)
         if self._of_fronts:
             self.trust = self._watch.with_fronts(self.trust, None, now)
-        self.trust = replace(self.trust, probed=probed.begun(self._values(now, look), len(now.T)))
+        self.trust = replace(self.trust, probed=probed.begun(self._values(now, look), len(now.T)),
+                             moved=self._moved.begun(now, self.watched(now)))
+
+    def moved(self, window: Window, seen: Looked, *, kink: bool, at_end: bool) -> MovedLog:
+        """Return the log of what temperatures move, after a window that stands and may be solved once more."""
+        return self._moved.after(self.trust.moved, window, seen.values, kink=kink, at_end=at_end)
 
     def judge(self, tried: Tried, before: Level, fresh: bool) -> None:
         """Note what an accepted window says of whether the run can be trusted.
@@ -130,6 +140,8 @@ class Observer:
             self.trust, (before, tried.solved.state.now), Ledger().after(tried.solved.terms).everything,
             fresh=fresh, forced=tried.forced, looked=tried.looked,
             inputs=tried.before.settings.inputs.get("thermal", {}), monitors=tried.solved.monitors, reads=tried.reads)
+        if tried.moved is not None:
+            self.trust = replace(self.trust, moved=tried.moved)
         # fault: nobody holds drives to their targets -> if False: | coupler/test_trust_drives
         if self._scenario.rules:
             self.trust = self._watch.acted(self.trust, tried.acted)

@@ -18,6 +18,7 @@ from threadpoolctl import threadpool_limits
 from contact.rpc.calls import LinkError
 from coupler.control import events
 from coupler.control.loop import Tried, finished, step
+from coupler.control.spare import Window
 from coupler.control.state import Committed, first
 from coupler.errors import CouplingError, HalfError, SlidelineError
 from coupler.fmu.half import Half
@@ -52,6 +53,8 @@ from coupler.schemes.accounts import HEATS
 from coupler.schemes.ledger import Ledger
 from coupler.schemes.mapped import joined
 from coupler.schemes.state import CoupledState
+from coupler.trust.in_space.moved import MovedLog
+from coupler.trust.in_time.errors import Looked
 from coupler.verify.verdicts import HalfVerdict, Verify, trust_rows, verdicts_of
 
 Array = NDArray[np.float64]
@@ -325,10 +328,14 @@ class Run:
     def _step(self) -> Tried:
         """Try one window.  An error that ends it is marked as one from which there is a way back."""
         try:
-            return step(self.halves, self._at, self.plan)
+            return step(self.halves, self._at, self.plan, self._ask)
         except (HalfError, LinkError) as exc:
             self._standing.broke(exc)
             raise
+
+    def _ask(self, window: Window, seen: Looked, at_end: bool) -> MovedLog:
+        """Return what the log holds of what temperatures move, after a window that stands."""
+        return self._observer.moved(window, seen, kink=window.span.k1 in self.plan.schedule.kinks, at_end=at_end)
 
     def _noticed_of(self, tried: Tried) -> tuple[str, ...]:
         """Return the notes on bodies that were damped, and note them."""

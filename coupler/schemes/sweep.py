@@ -427,7 +427,13 @@ def _heat(start: Level, thermal: Pass) -> Array | None:
 def _level(start: Level, span: Span, thermal: Mapping[str, Array], mechanical: Mapping[str, Array],
            heat: Array | None = None) -> Level:
     """The level at the end of the window; what a half has not told is as at the start."""
-    return Level(span.end, thermal.get("T", start.T), mechanical["x"],
-                 mechanical.get("contact.t_N", np.zeros(len(start.t_N))), mechanical.get("contact.gap", start.gap),
-                 mechanical.get("contact.covered", start.covered), thermal.get("f_s"), heat,
-                 mechanical.get(ELASTIC_STRAIN, start.elastic_strain))
+    end = replace(start, t=span.end, T=thermal.get("T", start.T), f_s=thermal.get("f_s"), heat=heat)
+    return mechanical_level(end, mechanical)
+
+
+def mechanical_level(level: Level, mechanical: Mapping[str, Array]) -> Level:
+    """Return the level with what the mechanical half tells; what it does not tell is as it was."""
+    return replace(level, x=mechanical["x"], t_N=mechanical.get("contact.t_N", np.zeros(len(level.t_N))),
+                   gap=mechanical.get("contact.gap", level.gap),
+                   covered=mechanical.get("contact.covered", level.covered),
+                   elastic_strain=mechanical.get(ELASTIC_STRAIN, level.elastic_strain))

@@ -15,6 +15,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
+from types import MappingProxyType
 
 import numpy as np
 from numpy.typing import NDArray
@@ -30,15 +31,26 @@ from coupler.trust.in_space.extremes import BRIEF
 Floats = NDArray[np.float64]
 
 LIMITS = (0.05, 0.2)  # of the range of a probe: noted, broken
+NO_FLOORS: Mapping[str, float] = MappingProxyType({})
 NAME = "cells fine enough for probes of heat"
 FIELDS, MEAN_T = ("T", "f_s"), "T_mean"
-# Looks: what there is at first, what comes evenly over the run, what each window earns, and how far below 0 it may go
-# before a kink of the data and for probes that move fast.
-AT_FIRST, OVER_THE_RUN, EARNED, ON_CREDIT = 6.0, 12.0, 0.02, 2.0
+ON_CREDIT = 2.0  # looks: how far below 0 it may go before a kink of the data and for probes that move fast
 # What a look costs: the factors of four times as many unknowns grow faster than what else a window takes.
 OF_NODES, MOST = 1000.0, 3.0  # one for every so many nodes of the mesh, at least one
 FASTER, VISIBLE = 1.5, 0.005  # than at any look before, times; in a window in which it moves by this share of its range
 MOMENT = 0.001  # of the run, after a breakpoint: what is off then is so on any mesh
+
+
+@dataclass(frozen=True)
+class Rhythm:
+    """How many looks there are: at first, evenly over the run, and for each window."""
+
+    at_first: float
+    over_the_run: float
+    earned: float
+
+
+OFTEN = Rhythm(6.0, 12.0, 0.02)
 
 
 @dataclass(frozen=True)
@@ -75,7 +87,7 @@ class ProbedLog:
     """
 
     of: Mapping[str, Seen] = field(default_factory=dict)
-    credit: float = AT_FIRST
+    credit: float = 0.0
     price: float = 1.0
     kink: float = 0.0
     since: int = 0
@@ -129,23 +141,27 @@ def _field(now: Level, output: str) -> Floats:
     return now.f_s
 
 
-def begun(values: Mapping[str, float], n: int = 0) -> ProbedLog:
+def begun(values: Mapping[str, float], n: int = 0, rhythm: Rhythm = OFTEN) -> ProbedLog:
     """Return the log at the start.  values : of the probes.  n : nodes of the mesh."""
     # fault: looks at a large mesh are taken to be cheap -> price = 1.0 | coupler/test_trust_probed
     price = min(max(n / OF_NODES, 1.0), MOST)
-    return ProbedLog({name: Seen(value, value, value) for name, value in values.items()}, price=price)
+    return ProbedLog({name: Seen(value, value, value) for name, value in values.items()}, rhythm.at_first, price)
 
 
-def after(log: ProbedLog, values: Mapping[str, float], t: float, end: float) -> tuple[ProbedLog, Mapping[str, float]]:
-    """Return the log after a window to t [s], and how fast probes move in it, per s.  end [s]: of the run."""
-    h, seen = t - log.t, {}
+def after(log: ProbedLog, values: Mapping[str, float], t: float, end: float, rhythm: Rhythm = OFTEN
+          ) -> tuple[ProbedLog, Mapping[str, float]]:
+    """Return the log after a window to t [s], and how fast probes move in it, per s.  end [s]: of the run.
+
+    values : of the probes, of those that have one now.
+    """
+    h, seen = t - log.t, dict(log.of)
     for name, value in values.items():
-        one = log.of[name]
+        one = seen.get(name, Seen(value, value, value))
         seen[name] = replace(one, value=value, low=min(one.low, value), high=max(one.high, value))
-    speeds = {name: abs(value - log.of[name].value) / h for name, value in values.items()} if h > 0.0 else {}
+    speeds = {name: abs(value - log.of[name].value) / h for name, value in values.items() if name in log.of and h > 0.0}
     # fault: looks are spent on the first moment of a shock -> began = True | coupler/test_trust_probed
     began = t - log.kink > MOMENT * end
-    credit = log.credit + EARNED + OVER_THE_RUN * h / end
+    credit = log.credit + rhythm.earned + rhythm.over_the_run * h / end
     return replace(log, of=seen, credit=credit, since=log.since + began, t=t), speeds
 
 
@@ -166,7 +182,7 @@ def due(log: ProbedLog, speeds: Mapping[str, float], h: float, *, kink: bool, at
 
 
 def looked(log: ProbedLog, speeds: Mapping[str, float], off: Mapping[str, float]) -> ProbedLog:
-    """Return the log after a look.  off : as Probed.off tells it."""
+    """Return the log after a look.  off : as Probed.off tells it, of those of which it is known."""
     seen = {name: replace(one, fastest=max(one.fastest, speeds.get(name, 0.0)),
                           off=(*one.off, (log.t, off[name])) if name in off else one.off)
             for name, one in log.of.items()}
@@ -183,32 +199,33 @@ def off_of(log: ProbedLog) -> dict[str, float]:
     return {name: one.most for name, one in log.of.items()}
 
 
-def checks(log: ProbedLog, units: Mapping[str, str], slight: float = 0.0) -> tuple[Check, ...]:
+def checks(log: ProbedLog, units: Mapping[str, str], slight: Mapping[str, float] = NO_FLOORS, name: str = NAME
+           ) -> tuple[Check, ...]:
     """Return the check at the end, none where nothing is known.
 
-    units : of the probes.  slight [K]: an error of temperatures that harms nobody, and is not noted.
+    units : of the probes.  slight : unit -> an error that harms nobody, and is not noted [SI].  name : of the check.
     """
-    known = {name: one for name, one in log.of.items() if one.off}
+    known = {probe: one for probe, one in log.of.items() if one.off}
     if not known:
         return ()
 
-    def share(name: str, by: float) -> float:
-        least = slight / LIMITS[0] if units.get(name) == "K" else 0.0
+    def share(probe: str, by: float) -> float:
+        least = slight.get(units.get(probe, ""), 0.0) / LIMITS[0]
         # fault: a probe that cells are too large for is trusted -> return 0.0 | coupler/test_trust_probed
-        return by / max(known[name].high - known[name].low, by, least) if by > 0.0 else 0.0
+        return by / max(known[probe].high - known[probe].low, by, least) if by > 0.0 else 0.0
 
-    lasting = {name: share(name, one.lasting(BRIEF * log.t)) for name, one in known.items()}
-    most = {name: share(name, one.most) for name, one in known.items()}
+    lasting = {probe: share(probe, one.lasting(BRIEF * log.t)) for probe, one in known.items()}
+    most = {probe: share(probe, one.most) for probe, one in known.items()}
     # fault: what is soon gone breaks a run -> breaks = max(most.values()) > LIMITS[1] | coupler/test_trust_probed
     breaks = max(lasting.values()) > LIMITS[1]
     of, limits = (lasting, LIMITS) if breaks else (most, (LIMITS[0], math.inf))
-    worst = max(of, key=lambda name: of[name])
+    worst = max(of, key=lambda probe: of[probe])
     one = known[worst]
     by = one.lasting(BRIEF * log.t) if breaks else one.most
     t = next(at for at, off in one.off if off >= by)
     more = max(2, math.ceil(math.sqrt(of[worst] / LIMITS[0])))
     return (measured(
-        NAME, of[worst], limits, t=t,
+        name, of[worst], limits, t=t,
         what=f"probe {worst} may be off by {amount(by, units.get(worst, '1'))}, {100 * of[worst]:.3g} % of its range, "
              f"because cells are too large at t = {t:.6g} s, as a solution with halved cells says",
         remedy=f"Use {more} times as many cells along each edge there, or smaller cells where heat enters and leaves"),)

@@ -15,6 +15,7 @@ from coupler.trust.in_space import (
     fronts,
     heat_mesh,
     mesh,
+    moved,
     peak_stress,
     probed,
 )
@@ -71,6 +72,7 @@ class TrustLog:
     extremes: extremes.ExtremesLog = field(default_factory=extremes.ExtremesLog)
     fronts: fronts.FrontLog = field(default_factory=fronts.FrontLog)
     probed: probed.ProbedLog = field(default_factory=probed.ProbedLog)
+    moved: moved.MovedLog = field(default_factory=moved.MovedLog)
     stored: stored.StoredLog = field(default_factory=stored.StoredLog)
     solved: solved.SolvedLog = field(default_factory=solved.SolvedLog)
     motion: motion.MotionLog = field(default_factory=motion.MotionLog)

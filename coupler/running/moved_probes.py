@@ -1,0 +1,103 @@
+"""Asks now and then what gaps and displacements would be with the temperatures of smaller cells (trust.in_space.moved).
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from coupler.control.spare import Window
+from coupler.control.warmed import as_it_ended, can_warm, warmed
+from coupler.record.look import Look
+from coupler.record.observe import ProbeReader
+from coupler.scenario import Scenario
+from coupler.scenario.probes import OF_MECHANICS, Probe
+from coupler.scenario.timing import has_inertia
+from coupler.schemes.levels import Level
+from coupler.schemes.state import HALVED, Halves
+from coupler.trust.in_space import moved, probed
+from coupler.trust.in_space.moved import MovedLog
+
+Array = NDArray[np.float64]
+
+MEANS, SOLID = f"{HALVED}T_mean", f"{HALVED}f_s"
+# Of outputs without a place those that are forces or motions; others count, or add up what windows did.
+MOTION, FORCES = "motion.", ("N", "N.m", "Pa", "m")
+
+
+class MovedProbes:
+    """The probes that the mechanical half makes, where the thermal half tells what smaller cells would do to T."""
+
+    def __init__(self, scenario: Scenario, halves: Halves) -> None:
+        """Raises ScenarioError for a probe that the halves cannot answer."""
+        both = {"thermal": halves.thermal, "mechanical": halves.mechanical}
+        own, warm = scenario.probes, MEANS in halves.thermal.blocks and "thermal" not in scenario.own_meshes
+        units = {n: a["unit"] for n, a in ProbeReader(own, scenario.interface, both, scenario.file).about.items()}
+        takes = "T" in halves.mechanical.blocks and halves.mechanical.blocks["T"].causality == "input"
+        self._at = {n: k for k, n in enumerate(own) if warm and takes and _is_moved(own[n], units[n])}
+        self._reader = ProbeReader({n: own[n] for n in self._at}, scenario.interface, both, scenario.file)
+        self._halves, self._both, self._end = halves, both, scenario.coupling.end
+        self._told = [name for name in (MEANS, SOLID) if name in halves.thermal.blocks]
+        self._why_not = ""
+        # fault: bodies with inertia are told what would have flung them -> if False: | coupler/test_trust_moved
+        if has_inertia(scenario.models["mechanical"]):
+            self._why_not = "with inertia temperatures that differ for one window alone would fling the bodies"
+        elif not can_warm(halves):
+            self._why_not = f"half {halves.mechanical.name} keeps no states, so no window can be solved once more"
+
+    def begun(self, now: Level, values: Array) -> MovedLog:
+        """Return the log at the start.  values : (n,) of all probes in SI, as Plan.watched tells them."""
+        if not self._at:
+            return MovedLog()
+        if self._why_not:
+            return MovedLog(why_not=self._why_not)
+        return moved.begun(self._known(values), len(now.T))
+
+    def after(self, log: MovedLog, window: Window, values: Array, *, kink: bool, at_end: bool) -> MovedLog:
+        """Return the log after a window that was taken, at whose end the halves are, then as before.
+
+        values : as of begun, at its end.  kink : it ends at one of the data.  at_end : the run ends with it.
+        Raises HalfError.
+        """
+        if not self._at or self._why_not:
+            return log
+        now = window.solved.state.now
+        h = now.t - log.probed.t
+        log, speeds = moved.after(log, self._known(values), now.t, self._end)
+        # fault: nobody asks what smaller cells do to gaps -> if False: | coupler/test_trust_moved
+        if probed.due(log.probed, speeds, h, kink=kink, at_end=at_end):
+            off, solves, why = self._off(window)
+            log = moved.looked(log, speeds, off, solves, why)
+        return moved.kinked(log) if kink else log
+
+    def _off(self, window: Window) -> tuple[dict[str, float], int, str]:
+        """Probe -> by how much it is off, the solves that it took, and why nothing was told."""
+        told = Look(self._both, {"thermal": self._told}).read("thermal", self._told)
+        change = {name.removeprefix(HALVED).replace("T_mean", "T"): np.asarray(of) for name, of in told.items()}
+        if not all(np.isfinite(of).all() for of in change.values()):
+            return {}, 0, "the scene with halved cells was not solved, or a half that was put back told nothing"
+        changes = [change]
+        # fault: a window that was not solved in one is held against its end -> pass | coupler/test_trust_moved
+        if not as_it_ended(window):
+            changes.append({name: np.zeros(of.shape) for name, of in change.items()})
+        names = self._reader.names["mechanical"]
+        ended = self._reader.measurable(window.solved.state.now)
+        done = warmed(self._halves, window, changes, names)
+        if done.why:
+            return {}, done.solves, done.why
+        other, *again = [self._reader.measurable(answer.level, Look.of({"mechanical": answer.read}))
+                         for answer in done.answers]
+        off = np.abs(other - (again[0] if again else ended))
+        return {n: float(by) for n, by in zip(self._at, off, strict=True) if np.isfinite(by)}, done.solves, ""
+
+    def _known(self, values: Array) -> dict[str, float]:
+        return {n: float(values[k]) for n, k in self._at.items() if np.isfinite(values[k])}
+
+
+def _is_moved(probe: Probe, unit: str) -> bool:
+    """Whether temperatures move what a probe shows by way of mechanics, and it is of no single step."""
+    if probe.quantity in OF_MECHANICS:
+        return True
+    if probe.half != "mechanical" or probe.of_a_step:
+        return False
+    return not probe.placeless or unit in FORCES or probe.output.startswith(MOTION)
