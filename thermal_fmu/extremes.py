@@ -36,9 +36,10 @@ from contact.half.linalg import SingularMatrixError
 from contact.half.model import Value, Variable
 from contact.messages import Facing
 from thermal_fmu import phase_change
-from thermal_fmu.cells import BadPropertyError, InvertedMeshError, shapes_of
+from thermal_fmu.cells import BadPropertyError, InvertedMeshError, MatrixEntries, shapes_of
 from thermal_fmu.conditions import NamedHeat, named_heats
 from thermal_fmu.contact_quadrature import ContactPoints, contact_points
+from thermal_fmu.earlier import Earlier
 from thermal_fmu.elsewhere import TemperatureCourse
 from thermal_fmu.halved import Halved, halved, halved_facing
 from thermal_fmu.halved_means import Means
@@ -51,6 +52,7 @@ from thermal_fmu.scene import SubstepData, ThermalScene, freeze, prescribed_valu
 from thermal_fmu.sources import loads_at
 from thermal_fmu.step import StepContext, flow_at
 from thermal_fmu.surface_terms import at_nodes
+from thermal_fmu.surplus import surplus
 
 Floats = NDArray[np.float64]
 
@@ -69,8 +71,9 @@ class StepEnded:
     """The end of a substep.
 
     context : it was taken in.  x, X : (n, 2) [m] where nodes are, and were at the start.  s_0 : (n,) [K] of the run's
-    start.  s_n, s : (n,) [K] at the substep's start and end.  t, h [s]: its end and length.  since [s]: how long ago
-    all began, or data jumped.  stores : whether bodies store heat.
+    start.  earlier : s of where errors may have begun to grow.  s_n, s : (n,) [K] at the substep's start and end.
+    t, h [s]: its end and length.  since [s]: how long ago all began, or data jumped.  stores : whether bodies store
+    heat.
     E_M : (n_cells,) [J] of it.  facing, points : what faces what; None without pairs.  t_N, E : traction [Pa] and
     friction heat [J] at pair nodes, (n_q,) each.
     """
@@ -79,6 +82,7 @@ class StepEnded:
     x: Floats
     X: Floats
     s_0: Floats
+    earlier: Earlier
     s_n: Floats
     s: Floats
     t: float
@@ -121,6 +125,23 @@ class StepEnded:
         took = np.where(scene.fixed, scene.bulk.capacities(substep, self.s) * (self.s - self.s_n) / self.h, flow)
         return np.divide(took, C, out=np.zeros(C.size), where=C > 0.0)
 
+    @property
+    def more(self) -> Floats:
+        """(n,) [K] by which nodes were warmed more since errors began to grow than at their present rate; 0 where some
+        body melts.  As `rate` it is what they stored, over what they store at `even`.
+        """
+        scene, substep = self.context.scene, self.context.substep
+        began = self.earlier.since(self.t - self.grown)
+        if not self.stores or began is None:
+            return np.zeros(self.s.size)
+        S = np.zeros(self.s.size)
+        scene.bulk.store(substep, began, self.s, S, MatrixEntries(np.empty(0), 0.0))
+        C = scene.bulk.capacities(substep, self.even(self.s))
+        more = np.divide(S, C, out=np.zeros(C.size), where=C > 0.0) - self.grown * self.rate
+        for body in scene.melting:
+            more[body.nodes] = 0.0
+        return more
+
     def even(self, s: Floats) -> Floats:
         """One temperature of all nodes [K], at which they store by their size, in the shape of s."""
         return np.full(s.shape, self.s.mean())
@@ -159,12 +180,14 @@ def _heats(interface: Interface, model: Model) -> list[NamedHeat]:
 class _Solved:
     """What a half has, on straight lines, and what halved cells make of it.
 
-    before, after : (n_halved,) each.  sizes : (n_halved,) of nodes, in any unit.  heat : (n_heats,) [J] that flows more
-    with halved cells, of prescribed temperatures nothing.
+    before, after : (n_halved,) each.  T : (n_halved,) [K] after, with what is left of what flowed otherwise before
+    (surplus.py).  sizes : (n_halved,) of nodes, in any unit.  heat : (n_heats,) [J] that flows more with halved cells,
+    of prescribed temperatures nothing.
     """
 
     before: NodalFields
     after: NodalFields
+    T: Floats
     sizes: Floats
     heat: Floats
 
@@ -219,7 +242,7 @@ class HalvedScene:
 
     def _told_of_outputs(self, solved: _Solved) -> dict[str, Value]:
         n, P = len(self._interface.nodes), self._halved.P
-        T = MORE * (solved.after.T - solved.before.T)[:n]
+        T = MORE * (solved.T - solved.before.T)[:n]
 
         def mean(change: Floats) -> Floats:
             """What nodes in between have goes to those of the half, by their size."""
@@ -228,7 +251,7 @@ class HalvedScene:
         # fault: means are those of the half's nodes alone -> T_mean = np.array(T) | coupler/test_trust_probed
         # fault: means are those by the size of nodes -> T_mean = MORE * mean(solved.after.T - solved.before.T) |
         #   thermal_fmu/test_halved_means
-        T_mean = MORE * self._means.at_nodes(solved.after.T - solved.before.T)
+        T_mean = MORE * self._means.at_nodes(solved.T - solved.before.T)
         found: dict[str, Value] = {f"{HALVED}T": T, f"{HALVED}T_mean": T_mean}
         if solved.before.f_s is not None and solved.after.f_s is not None:
             # In one long step a front goes from node to node, as it does in the half: who tells of fronts is fronts.py.
@@ -273,14 +296,24 @@ class HalvedScene:
         kept = -end.grown * sizes * (self._halved.P @ end.rate)
         problem = StageProblem(scene, substep, loads, BACKWARD_EULER, end.grown, s, substep.E_M / end.h, kept,
                                end.stores)
-        done = solve_stage(problem, guess, TOLERANCE, Factors(), None)
-        each, before = (of.each for of in (done.balance, balance(problem, s, jacobian=False)))
-        more = end.grown * (each - before)
+        factors = Factors()
+        done = solve_stage(problem, guess, TOLERANCE, factors, None)
+        whole, at_whole = done.s, done.balance
+        more = end.more
+        # fault: what flowed otherwise before is forgotten -> if False: | thermal_fmu/test_extremes
+        if more.any() and done.anchor is not None:
+            fixed = (end.context.scene.fixed, scene.fixed)
+            J = done.anchor.matrix()
+            whole = done.s + surplus(J, factors.of(done.anchor), sizes, self._halved.P, more, fixed)
+            at_whole = balance(problem, whole, jacobian=False)
+        each, before = at_whole.each, balance(problem, s, jacobian=False).each
+        more_heat = end.grown * (each - before)
         # fault: heat that is no more with smaller cells is told by what iterations leave -> slight = 0.0 |
         #   thermal_fmu/test_extremes
         slight = LEFT * end.grown * float(np.abs(each).sum())
-        heat = np.concatenate([np.zeros(len(model.prescribed)), np.where(np.abs(more) > slight, more, 0.0)])
-        return _Solved(phase_change.fields(scene.melting, s), phase_change.fields(scene.melting, done.s), sizes, heat)
+        heat = np.concatenate([np.zeros(len(model.prescribed)), np.where(np.abs(more_heat) > slight, more_heat, 0.0)])
+        return _Solved(phase_change.fields(scene.melting, s), phase_change.fields(scene.melting, done.s),
+                       phase_change.temperature(scene.melting, whole), sizes, heat)
 
     def _mechanical(self, end: StepEnded, x: Floats) -> Floats:
         """(n_cells,) [J] of halved cells, by their parts of the cell they are of."""

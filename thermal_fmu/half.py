@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import partial
 from typing import Any
 
@@ -29,6 +29,7 @@ from thermal_fmu.cells import (
 )
 from thermal_fmu.conditions import NOTHING_COUNTED, HeatSoFar, n_heats, named_heats, no_heat_yet
 from thermal_fmu.contact_quadrature import ContactPoints, contact_points, touching
+from thermal_fmu.earlier import Earlier
 from thermal_fmu.elsewhere import begun_with, course_of, course_outputs, course_variables, damps_of
 from thermal_fmu.extremes import HalvedScene, StepEnded, extreme_variables, halved_variables
 from thermal_fmu.flux import heat_flux
@@ -181,6 +182,7 @@ class ThermalState:
     given : heat since the start, by condition.  known : the data of bodies so far; None: as they are.
     rate : (n,) at which s moved in the last (inner) step [K/s]; None: in none yet.  missed : by the mesh, so far.
     flow : what flowed at the end of the last step, where that was to a steady state.  began [s]: the start.
+    earlier : s at the start and where data bent.
     """
 
     s: Floats
@@ -197,6 +199,7 @@ class ThermalState:
     missed: MissedHeat = NOTHING_MISSED
     flow: SteadyFlow | None = None
     began: float = 0.0
+    earlier: Earlier = field(default_factory=Earlier)
 
 
 @dataclass(frozen=True)
@@ -371,11 +374,13 @@ class ThermalHalf:
         # fault: data of bodies forgotten after a substep -> known = range_of(scene, phase_change.temperature(
         #   scene.melting, done.s)) | thermal_fmu/test_thermal_monotone
         known = result.done.known
+        # fault: nobody remembers from where data bent -> earlier = state.earlier | thermal_fmu/test_surplus
+        earlier = self._earlier(state, t, h)
         # fault: anchor not part of the state -> new = ThermalState(done.s, state.X, event, result.damped, stored, None,
         #   anchor_S, controller, given, | thermal_fmu/test_thermal_solver
         new = ThermalState(done.s, state.X, event, result.damped, stored, done.anchor, anchor_S, controller, given,
                            known, result.rate, self._missed(state, context, x, done, t, h), flow,
-                           state.began)
+                           state.began, earlier)
         T_n = phase_change.temperature(scene.melting, state.s)
         outputs = self._outputs(new, done.heat, substep.touching, done, T_n)
         # fault: heat given off with the sign of heat taken up -> fields = field_outputs(scene, substep.shapes, new.s,
@@ -388,9 +393,9 @@ class ThermalHalf:
         fields = replace(fields, now=outputs | dict(fields.now) | counts)
         if self._halved is None:
             return Done(new, fields)
-        end = StepEnded(replace(context, substep=done.substep), x, state.X, self._s_0, state.s, done.s, t + h, h,
-                        t + h - max(state.began, self._calendar.last_jump(t + h, h)), method.stores, E_M, facing,
-                        points, t_N, E_friction)
+        end = StepEnded(replace(context, substep=done.substep), x, state.X, self._s_0, earlier, state.s, done.s,
+                        t + h, h, t + h - max(state.began, self._calendar.last_jump(t + h, h)), method.stores, E_M,
+                        facing, points, t_N, E_friction)
         # Of what a run asks for now and then a state in bytes keeps nothing: it costs more than a step.
         apart = self._halved.outputs(end)
         unless_asked = dict(self._halved.unknown)
@@ -398,6 +403,13 @@ class ThermalHalf:
             apart |= {FRONT_OFF: partial(front_off, end)}
             unless_asked[FRONT_OFF] = np.full(done.s.size, np.nan)
         return Done(new, replace(fields, apart=apart, unless_asked=unless_asked))
+
+    def _earlier(self, state: ThermalState, t: float, h: float) -> Earlier:
+        """What it remembers of earlier times in a step from t by h [s]: only what halved cells are asked of."""
+        if self._halved is None:
+            return state.earlier
+        begins = not state.earlier.t.size or self._calendar.bend_within(t, h)
+        return state.earlier.then(t, np.array(state.s), h) if begins else state.earlier
 
     def _jumps(self, before: SteadyFlow, load: LoadFactors, t: float, h: float) -> bool:
         """Whether what acts from t [s] on is other than what acted up to then."""

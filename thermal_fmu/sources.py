@@ -271,8 +271,11 @@ class Calendar:
     def jump_within(self, t: float, h: float) -> bool:
         """Return whether a signal jumps at the start of [t, t + h] or inside it; a jump at its end is the next one's.
         """
-        early = _tolerance(t, h)
-        return bool(((self.jumps >= t - early) & (self.jumps < t + h - early)).any())
+        return _any_within(self.jumps, t, h)
+
+    def bend_within(self, t: float, h: float) -> bool:
+        """Return whether a signal jumps or bends at the start of [t, t + h] or inside it."""
+        return _any_within(self.breakpoints, t, h)
 
 
 def calendar_of(model: Model) -> Calendar:
@@ -285,6 +288,11 @@ def calendar_of(model: Model) -> Calendar:
 
 def _jumps(signal: Signal) -> NDArray[np.float64]:
     return signal.t[1:][(np.diff(signal.t) == 0) & (np.diff(signal.value) != 0)]
+
+
+def _any_within(times: NDArray[np.float64], t: float, h: float) -> bool:
+    early = _tolerance(t, h)
+    return bool(((times >= t - early) & (times < t + h - early)).any())
 
 
 def _tolerance(t: float, h: float) -> float:

@@ -9,8 +9,8 @@ from coupler import load_scenario, run
 from coupler.control import warmed
 from coupler.running import moved_probes
 from coupler.running.resume import resume
-from coupler.schemes.sweep import DiscardError
 from coupler.schemes.state import NO_WORK, Verdict
+from coupler.schemes.sweep import DiscardError
 from coupler.trust.in_space import moved, probed
 from coupler.trust.in_space.moved import MovedLog
 
@@ -60,15 +60,17 @@ def off(some, exact, name):
 
 
 def test_a_bar_of_three_cells_that_closes_a_gap(tmp_path):
-    """The gap was 4.5 % of its range off, told 0.6 %; what presses then, the stress and the force, 0.7 %."""
+    """The gap was 8.7 % of its range off, told 0.4 % by windows; what presses then, the stress and the force, 2.6 %."""
     some, exact = (run(bar(tmp_path, n), tmp_path / f"{n}.h5") for n in (3, 24))
     for name in ("gap", "end", "stress", "held"):
         true, told = off(some, exact, name), some.probe_errors[name].mesh
-        assert 0.25 * true < told < 2.0 * true, (name, true, told)
+        assert 0.7 * true < told < 1.4 * true, (name, true, told)
         assert exact.probe_errors[name].mesh < 0.1 * told
     assert some.probe_errors["kept"].mesh == 0.0, "how many places touch is nothing that expands"
-    assert row(some).verdict.value == row(exact).verdict.value == "holds"
-    assert not row(some).what
+    assert row(some).verdict.value == "noted"
+    assert row(some).what.startswith("probe end may be off by")
+    assert row(exact).verdict.value == "holds"
+    assert not row(exact).what
 
 
 @pytest.mark.parametrize("change", [{}, {"coupling.scheme": "iterated"}, {"coupling.scheme": "parallel"},

@@ -104,7 +104,8 @@ def test_looks_are_where_most_is_to_be_seen():
 def test_looks_cost_no_more_than_a_share_of_the_windows():
     every = [float(t) for t in range(1, 1001)]
     _, at = course(every, lambda t: (1.0 + t) ** 4 * np.sin(t), 1000.0, kinks=set(every[::2]))
-    assert len(at) <= probed.AT_FIRST + probed.OVER_THE_RUN + probed.ON_CREDIT + probed.EARNED * 1000 + 1
+    often = probed.OFTEN
+    assert len(at) <= often.at_first + often.over_the_run + probed.ON_CREDIT + often.earned * 1000 + 1
     assert len([t for t in at if t > 800.0]) >= 5
     # Fewer where each costs more.
     _, few = course(every, lambda t: (1.0 + t) ** 4 * np.sin(t), 1000.0, kinks=set(every[::2]), n=7500)
@@ -116,7 +117,7 @@ def verdict(offs, slight=0.0, end=100.0):
     for t, by in offs:
         log, speeds = probed.after(log, {"a": 400.0}, t, end)
         log = probed.looked(log, speeds, {"a": by})
-    (check,) = probed.checks(log, {"a": "K"}, slight)
+    (check,) = probed.checks(log, {"a": "K"}, {"K": slight})
     return check.verdict.value, check.number
 
 
@@ -141,5 +142,5 @@ def test_nothing_is_told_of_what_is_not_known():
 def test_a_probe_that_rests_is_off_by_nothing(off):
     log = probed.begun({"a": 300.0})
     log, speeds = probed.after(log, {"a": 300.0}, 1.0, 1.0)
-    (check,) = probed.checks(probed.looked(log, speeds, {"a": off}), {"a": "K"}, 1e-3)
+    (check,) = probed.checks(probed.looked(log, speeds, {"a": off}), {"a": "K"}, {"K": 1e-3})
     assert check.verdict.value == "holds"

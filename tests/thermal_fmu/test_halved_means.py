@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 sys.path.insert(0, str(Path(__file__).parent))
-from thermal_scenes import Box, scene, spec
 from test_extremes import STEADY, stepped
+from thermal_scenes import Box, scene, spec
 
 from thermal_fmu.cells import cell_mesh, shapes_of
 from thermal_fmu.halved import halved

@@ -1,0 +1,85 @@
+"""What a mesh did wrong while heat flowed otherwise than now is told for as long as it is there."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+sys.path.insert(0, str(Path(__file__).parent))
+from test_extremes import film, stepped
+from thermal_scenes import Box, scene, spec
+
+from contact.half.state import from_bytes, to_bytes
+from thermal_fmu.earlier import MOST, Earlier
+from thermal_fmu.halved import halved
+
+
+def mean(mesh, T):
+    """Over a bar along x."""
+    x, of = mesh.nodes[:, 0], np.asarray(T)
+    order = np.argsort(x, kind="stable")
+    return float(np.trapezoid(of[order], x[order]) / np.ptp(x))
+
+
+def courses(model, dt, looks, n=3, box=(0, 1, 0, 0.3)):
+    """The true error of the mean of a bar of n cells and of its hot side, and what is told of them, at each look."""
+    mesh = scene(Box(*box, n, 1))
+    fine = halved(halved(halved(mesh).interface).interface).interface
+    found = []
+    for k in looks:
+        out, exact = (stepped(of, model, dt, k) for of in (mesh, fine))
+        found.append([[mean(mesh, out["T"]) - mean(fine, exact["T"]), -mean(mesh, out["mesh.halved.T_mean"])],
+                      [out["T"][0] - exact["T"][0], -out["mesh.halved.T"][0]]])
+    return np.array(found)
+
+
+@pytest.mark.parametrize("method", ["sdirk2", "backward_euler"])
+def test_a_film_that_gave_too_much_is_told_until_it_has_evened_out(method):
+    """A bar of three cells is insulated but for a film: what it was given too much it keeps for long.
+
+    By what flows at the end alone 0.4 of the largest was told, and 0.04 of what was left after 40 steps.
+    """
+    model = spec([film("a.left", 4.0, T=1.0)], method=method)
+    of_mean, of_side = courses(model, 0.005, (2, 5, 10, 20, 40, 80)).transpose(1, 2, 0)
+    true, told = of_mean
+    assert true.max() > 0.01
+    assert (told[1:] > 0.75 * true[1:]).all(), (true, told)
+    assert (told < 1.3 * true).all(), (true, told)
+    true, told = np.abs(of_side).max(axis=1)
+    assert 0.6 * true < told < 1.7 * true
+
+
+def test_what_evens_out_is_forgotten():
+    """A bar between two films comes to rest, and is right there."""
+    model = spec([film("a.left", 4.0, T=1.0), film("a.right", 4.0)], method="sdirk2")
+    true, told = np.abs(courses(model, 0.01, (3, 10, 30, 100, 400)).transpose(1, 2, 0)[0])
+    assert 0.6 * true.max() < told.max() < 1.5 * true.max()
+    assert told[-1] < 0.02 * told.max(), told
+
+
+def test_a_ramp_after_a_long_rest():
+    """Errors grow since the data bent, not since the start; before, nothing had moved."""
+    ramp = {"t": [0.0, 5.0, 5.05, 100.0], "value": [0.0, 0.0, 1.0, 1.0]}
+    model = spec([{"on": "a.left", "convection": {"h": 4.0, "T": ramp}}], method="sdirk2")
+    true, told = courses(model, 0.025, (202, 204, 208, 216)).transpose(1, 2, 0)[0]
+    assert true.max() > 0.015
+    assert 0.5 * true.max() < told.max() < 1.5 * true.max(), (true, told)
+
+
+def test_what_it_remembers_is_part_of_the_state():
+    earlier = Earlier().then(0.0, np.array([1.0, 2.0]), 1.0)
+    for k in range(1, 40):
+        earlier = earlier.then(float(k), np.array([1.0 + k, 2.0]), 1.0)
+        assert earlier.t.size == min(k + 1, MOST)
+        assert earlier.t[0] == 0.0
+        assert earlier.t[-1] == k
+    ages = 40.0 - earlier.t
+    assert (ages[:-1] / ages[1:] > 1.4).all(), ages
+    assert np.array_equal(earlier.since(20.0), [1.0 + earlier.t[earlier.t >= 20.0][0], 2.0])
+    assert earlier.since(39.5) is None
+    again = from_bytes(to_bytes(earlier), {"thermal_fmu"})
+    assert np.array_equal(again.t, earlier.t)
+    assert np.array_equal(again.s, earlier.s)
