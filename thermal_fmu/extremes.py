@@ -217,7 +217,7 @@ class HalvedScene:
 
     @cached_property
     def _means(self) -> Means:
-        return Means(self._scene.volume, self._halved.interface.nodes, self._halved.P)
+        return Means(self._scene.volume, self._halved)
 
     def outputs(self, end: StepEnded) -> dict[str, Callable[[], Value]]:
         """Return the outputs by name, each worked out when it is asked for, all at once."""

@@ -37,10 +37,11 @@ class Answer:
 class Warmed:
     """answers : one for each change; none where one of them has no solution, for the reason `why`.
 
-    solves : of the mechanical half that it took.
+    times : so often the window was solved.  solves : of the mechanical half that it took.
     """
 
     answers: tuple[Answer, ...] = ()
+    times: int = 0
     solves: int = 0
     why: str = ""
 
@@ -74,19 +75,19 @@ def warmed(halves: Halves, window: Window, changes: Sequence[Mapping[str, Array]
     given = given_to(halves, replace(window.options, scheme=window.solved.scheme))
     read = [n for n in dict.fromkeys((*EXCHANGED, *names)) if n in halves.mechanical.blocks]
     given = replace(given, mechanical_outputs=tuple(read))
-    found, solves, why = list[Answer](), 0, ""
+    found, times, why = list[Answer](), 0, ""
     with SavedStates(halves, now.t, window.saved.number, ("mechanical",)) as end:
         try:
             for level in levels:
                 window.saved.roll_back("a window is looked at", "mechanical")
-                solves += span.substeps["mechanical"]
+                times += 1
                 done = mechanical_pass(given, window.before, span.times("mechanical"), exchanged(level), NO_WORK)
                 found.append(Answer(mechanical_level(level, done.outputs), done.outputs))
         except DiscardError as exc:
             found, why = [], str(exc)
         # fault: a look at other temperatures leaves mechanics with them -> pass | coupler/test_warmed
         end.roll_back("a window was only looked at")
-    return Warmed(tuple(found), solves, why)
+    return Warmed(tuple(found), times, times * span.substeps["mechanical"], why)
 
 
 def with_change(now: Level, change: Mapping[str, Array]) -> Level:

@@ -210,8 +210,10 @@ class Observer:
     @property
     def errors(self) -> dict[str, Any]:
         """What was estimated of the errors of probes, and what that cost, for the totals of the run."""
+        # fault: what looks at gaps cost is not told -> solves = self.trust.errors.solves | coupler/test_trust_moved
+        solves = self.trust.errors.solves + self.trust.moved.solves
         return {"probe_errors": self._watch.probe_errors(self.trust),
-                "looks": {"windows": self.trust.errors.looked, "solves": self.trust.errors.solves}}
+                "looks": {"windows": self.trust.errors.looked, "solves": solves}}
 
     def _look(self, framed: bool) -> Look:
         """Read what is recorded of a window, and of a frame if there is one."""

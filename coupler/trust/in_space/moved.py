@@ -49,13 +49,16 @@ def after(log: MovedLog, values: Mapping[str, float], t: float, end: float) -> t
     return replace(log, probed=now), speeds
 
 
-def looked(log: MovedLog, speeds: Mapping[str, float], off: Mapping[str, float], solves: int, why: str) -> MovedLog:
-    """Return the log after a look.  off : probe -> by how much it is off, where it is known.  why : nothing was told.
+def looked(log: MovedLog, speeds: Mapping[str, float], off: Mapping[str, float], times: int, solves: int, why: str = ""
+           ) -> MovedLog:
+    """Return the log after a look.  off : probe -> by how much it is off, where it is known.
+
+    times : so often the window was solved, with so many solves.  why : nothing was told, else empty.
     """
     # fault: a look that failed is forgotten -> failed = 0 | coupler/test_trust_moved
     failed = int(bool(why))
-    return replace(log, probed=probed.looked(log.probed, speeds, off), solves=log.solves + solves, looks=log.looks + 1,
-                   failed=log.failed + failed, why=why or log.why)
+    return replace(log, probed=probed.looked(log.probed, speeds, off, max(times, 1)), solves=log.solves + solves,
+                   looks=log.looks + 1, failed=log.failed + failed, why=why or log.why)
 
 
 def kinked(log: MovedLog) -> MovedLog:

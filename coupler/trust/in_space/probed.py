@@ -181,12 +181,15 @@ def due(log: ProbedLog, speeds: Mapping[str, float], h: float, *, kink: bool, at
     return (soon and log.credit >= log.price) or ((fast or kink) and log.credit >= log.price - ON_CREDIT)
 
 
-def looked(log: ProbedLog, speeds: Mapping[str, float], off: Mapping[str, float]) -> ProbedLog:
-    """Return the log after a look.  off : as Probed.off tells it, of those of which it is known."""
+def looked(log: ProbedLog, speeds: Mapping[str, float], off: Mapping[str, float], times: int = 1) -> ProbedLog:
+    """Return the log after a look.  off : as Probed.off tells it, of those of which it is known.
+
+    times : how many times its price it took.
+    """
     seen = {name: replace(one, fastest=max(one.fastest, speeds.get(name, 0.0)),
                           off=(*one.off, (log.t, off[name])) if name in off else one.off)
             for name, one in log.of.items()}
-    return replace(log, of=seen, credit=log.credit - log.price, next=max(2 * log.since, 1))
+    return replace(log, of=seen, credit=log.credit - times * log.price, next=max(2 * log.since, 1))
 
 
 def kinked(log: ProbedLog) -> ProbedLog:
