@@ -96,6 +96,11 @@ def test_looks_are_where_most_is_to_be_seen():
     # A probe that begins to move fast is looked at where it is fastest.
     _, at = course(every, lambda t: np.tanh((t - 50.0) / 3.0) + 0.001 * t)
     assert any(48.0 <= t <= 51.0 for t in at)
+    # What was looked at before it began cost nothing in the end.
+    _, at = course([0.1 * t for t in range(1, 1001)], lambda t: 1e-3 * np.sin(9.0 * t) + (t > 60.0) * (t - 60.0),
+                   kinks=(60.0,))
+    assert len([t for t in at if 60.0 < t < 61.0]) >= 3
+    assert len([t for t in at if t < 60.0]) >= 8
     # Not in the first moment behind a kink, when all meshes are as wrong.
     _, at = course([1e-3, 0.05, 0.09, 1.0, 2.0, 100.0], lambda t: t**0.5)
     assert at[0] == 1.0
@@ -105,7 +110,8 @@ def test_looks_cost_no_more_than_a_share_of_the_windows():
     every = [float(t) for t in range(1, 1001)]
     _, at = course(every, lambda t: (1.0 + t) ** 4 * np.sin(t), 1000.0, kinks=set(every[::2]))
     often = probed.OFTEN
-    assert len(at) <= often.at_first + often.over_the_run + probed.ON_CREDIT + often.earned * 1000 + 1
+    most = often.at_first + often.over_the_run + probed.ON_CREDIT + often.earned * 1000 + often.given_back + 1
+    assert len(at) <= most
     assert len([t for t in at if t > 800.0]) >= 5
     # Fewer where each costs more.
     _, few = course(every, lambda t: (1.0 + t) ** 4 * np.sin(t), 1000.0, kinks=set(every[::2]), n=7500)

@@ -18,8 +18,8 @@ from coupler.trust.in_space import probed
 from coupler.trust.in_space.probed import ProbedLog, Rhythm
 
 NAME = "cells fine enough for gaps and displacements"
-# A look takes as much as half a window or all of it.
-RHYTHM = Rhythm(at_first=4.0, over_the_run=6.0, earned=0.01)
+# A look takes as much as half a window, or more than one.
+RHYTHM = Rhythm(at_first=3.0, over_the_run=5.0, earned=0.01, given_back=4)
 
 
 @dataclass(frozen=True)

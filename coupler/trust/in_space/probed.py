@@ -35,6 +35,9 @@ NO_FLOORS: Mapping[str, float] = MappingProxyType({})
 NAME = "cells fine enough for probes of heat"
 FIELDS, MEAN_T = ("T", "f_s"), "T_mean"
 ON_CREDIT = 2.0  # looks: how far below 0 it may go before a kink of the data and for probes that move fast
+# What was looked at before all began was of little worth: where a probe has gone through so many times as much as at
+# the last look, that one is given back.
+WIDER = 2.0
 # What a look costs: the factors of four times as many unknowns grow faster than what else a window takes.
 OF_NODES, MOST = 1000.0, 3.0  # one for every so many nodes of the mesh, at least one
 FASTER, VISIBLE = 1.5, 0.005  # than at any look before, times; in a window in which it moves by this share of its range
@@ -43,20 +46,22 @@ MOMENT = 0.001  # of the run, after a breakpoint: what is off then is so on any 
 
 @dataclass(frozen=True)
 class Rhythm:
-    """How many looks there are: at first, evenly over the run, and for each window."""
+    """How many looks there are: at first, evenly over the run, for each window, and how many are given back at most."""
 
     at_first: float
     over_the_run: float
     earned: float
+    given_back: int
 
 
-OFTEN = Rhythm(6.0, 12.0, 0.02)
+OFTEN = Rhythm(6.0, 12.0, 0.02, 8)
 
 
 @dataclass(frozen=True)
 class Seen:
     """Of a probe: value, low, high : now, and so far.  fastest : at which it moved at a look, per s.
 
+    wide : high - low at the last look; 0: there was none.
     off : (t [s], by how much it is off) of each look.
     """
 
@@ -64,6 +69,7 @@ class Seen:
     low: float
     high: float
     fastest: float = 0.0
+    wide: float = 0.0
     off: tuple[tuple[float, float], ...] = ()
 
     @property
@@ -83,7 +89,7 @@ class ProbedLog:
     """of : probe -> what was seen of it.  credit : what looks may cost.  price : of one.
 
     kink [s]: of the data, the last.  since : windows behind its first moment.  next : of them, when to look.
-    t [s]: now.
+    t [s]: now.  given_back : so many looks were.
     """
 
     of: Mapping[str, Seen] = field(default_factory=dict)
@@ -93,6 +99,7 @@ class ProbedLog:
     since: int = 0
     next: int = 1
     t: float = 0.0
+    given_back: int = 0
 
 
 class Probed:
@@ -162,7 +169,14 @@ def after(log: ProbedLog, values: Mapping[str, float], t: float, end: float, rhy
     # fault: looks are spent on the first moment of a shock -> began = True | coupler/test_trust_probed
     began = t - log.kink > MOMENT * end
     credit = log.credit + rhythm.earned + rhythm.over_the_run * h / end
-    return replace(log, of=seen, credit=credit, since=log.since + began, t=t), speeds
+    # fault: looks at what came before are not given back -> wider = False | coupler/test_trust_probed
+    wider = log.given_back < rhythm.given_back and any(one.high - one.low > WIDER * one.wide > 0.0
+                                                       for one in seen.values())
+    if wider:
+        credit += log.price
+        seen = {name: replace(one, wide=one.high - one.low if one.wide else 0.0) for name, one in seen.items()}
+    return replace(log, of=seen, credit=credit, since=log.since + began, t=t,
+                   given_back=log.given_back + wider), speeds
 
 
 def due(log: ProbedLog, speeds: Mapping[str, float], h: float, *, kink: bool, at_end: bool) -> bool:
@@ -186,7 +200,7 @@ def looked(log: ProbedLog, speeds: Mapping[str, float], off: Mapping[str, float]
 
     times : how many times its price it took.
     """
-    seen = {name: replace(one, fastest=max(one.fastest, speeds.get(name, 0.0)),
+    seen = {name: replace(one, fastest=max(one.fastest, speeds.get(name, 0.0)), wide=one.high - one.low,
                           off=(*one.off, (log.t, off[name])) if name in off else one.off)
             for name, one in log.of.items()}
     return replace(log, of=seen, credit=log.credit - times * log.price, next=max(2 * log.since, 1))
