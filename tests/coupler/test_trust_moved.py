@@ -174,6 +174,16 @@ def test_it_says_why_it_does_not_look(tmp_path, monkeypatch):
     assert row(rigid) is None
 
 
+def test_nothing_is_solved_where_cells_leave_out_nothing(tmp_path):
+    """Between films of one temperature a bar stays as it is: mechanics are not asked."""
+    still = run(bar(tmp_path, **{"thermal.boundary": [{"on": "bar.left", "convection": {"h": 3000, "T": 300}}]}),
+                tmp_path / "still.h5")
+    assert row(still).verdict.value == "holds"
+    assert still.totals["looks"]["solves"] == run(
+        bar(tmp_path, **{"thermal.boundary": [], "probes": {"T": {"T": {"mean": "bar"}}}}),
+        tmp_path / "alone.h5").totals["looks"]["solves"]
+
+
 def verdict(offs, unit="m", slight=0.0, failed=""):
     log = moved.begun({"a": 0.0}, 10)
     for t, by in offs:
