@@ -375,7 +375,7 @@ class ThermalHalf:
         #   scene.melting, done.s)) | thermal_fmu/test_thermal_monotone
         known = result.done.known
         # fault: nobody remembers from where data bent -> earlier = state.earlier | thermal_fmu/test_surplus
-        earlier = self._earlier(state, t, h)
+        earlier = self._earlier(state, t, h).after(h, np.array(state.s), done.s)
         # fault: anchor not part of the state -> new = ThermalState(done.s, state.X, event, result.damped, stored, None,
         #   anchor_S, controller, given, | thermal_fmu/test_thermal_solver
         new = ThermalState(done.s, state.X, event, result.damped, stored, done.anchor, anchor_S, controller, given,

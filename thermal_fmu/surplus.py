@@ -5,15 +5,22 @@ after all has become smooth.  The balance of extremes.py knows what drives error
 
     C e' + K e = r = f(T_h) - C T_h',
 
-and takes r for what it was all the time.  But of C T_h' the whole is known, from what nodes stored since errors began
-to grow; g = C_h D more than at the present rate, and at the nodes of the half f(T_h) added up to that as well, for it
-obeyed its own balance.  On its way through the half's cells it flowed on straight lines, as the half's own steady
-fields do: K P y, with P' K P y = g.  So the impulse S = K P y - C P D is what r was more than it is now, and
-backward Euler has (C + t K) e = S of it.  What heats the scene drops out of r; what lasts, which no conduction
-evens out, is in e in full.
+and takes r for what it was all the time.  But the half knows what it was: its nodes stored C_h D more than at their
+present rate, which made C P D of C T_h', and by what they were warmed over all the time conduction brought K P y more
+than at their present temperatures.  At the nodes of the half both are the same heat, but for what loads brought that
+changed, and for nonlinearity: g = C_h D - P' K P y; of that smaller cells make what the half's would, in one step of
+backward Euler, w = (C_h + t K_h)^-1 g.  So
+
+    S = K P y + (C + t K) P w - C P D
+
+is what r was more than it is now.  What is left of it is e = exp(-t C^-1 K) C^-1 S; with q = (1 + z)^-1, which the
+factors of backward Euler have, 2 q^2 - q^3 is exp(-z) to second order, and a film that gave too much is in e in full
+while that has not evened out.
 """
 
 from __future__ import annotations
+
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,26 +31,54 @@ from contact.half.linalg import Solve, factorise
 Floats = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
-# Of the capacities, beside t K, so that heat that nothing carries away has a place where it stays.
-SLIGHT = 0.01
+@dataclass(frozen=True)
+class Linear:
+    """The halved cells about their temperatures.
+
+    J : C + t K [J/K], rows and columns of fixed nodes those of the identity; solve : J x = b.  C : (n_halved,) the
+    capacities in it [J/K].  fixed : (n_halved,) whether nodes are.
+    """
+
+    J: csr_matrix
+    solve: Solve
+    C: Floats
+    fixed: Mask
 
 
-def surplus(J: csr_matrix, solve: Solve, C: Floats, P: csr_matrix, D: Floats, fixed: tuple[Mask, Mask]) -> Floats:
+@dataclass(frozen=True)
+class Warmed:
+    """By how much more nodes of the half were warmed than they are now, (n,) each.
+
+    D [K]: than at their present rate.  y [K]: than at their present temperatures, over the time t of `Linear`.
+    known : nodes of which that is so; others are as fixed.
+    """
+
+    D: Floats
+    y: Floats
+    known: Mask
+
+
+def surplus(halved: Linear, P: csr_matrix, sizes: Floats, more: Warmed) -> Floats:
     """Return e : (n_halved,) [K], 0 at fixed nodes.
 
-    J : C + t K of halved cells [J/K], rows and columns of fixed nodes those of the identity; solve : J x = b.
-    C : (n_halved,) capacities of their nodes [J/K].  P : (n_halved, n) as of Halved.  D : (n,) [K] by how much more the
-    half's nodes were warmed than at their present rate.  fixed : whether nodes are, of the half and of halved cells.
+    P : (n_halved, n) as of Halved.  sizes : (n_halved,) capacities of nodes that D is over [J/K].
     Raises SingularMatrixError.
     """
-    free, free_h = (~of for of in fixed)
-    inner = P[free_h][:, free]
-    K = csr_matrix(J[free_h][:, free_h] - diags_array((1.0 - SLIGHT) * C[free_h]))
-    g = (P.T @ C)[free] * D[free]
-    y = factorise(csr_matrix(inner.T @ K @ inner))(g)
-    S = np.zeros(C.size)
-    S[free_h] = K @ (inner @ y) - (C * (P @ D))[free_h]
-    # fault: what flowed otherwise before is left for longer than it was -> return np.asarray(solve(S)) |
+    # A node between two that are not known is not, and where one of them is it goes half its way.
+    free, C = more.known, halved.C
+    free_h = ~halved.fixed & (np.asarray(P @ free) > 0.0)
+    inner, J = P[free_h][:, free], halved.J[free_h][:, free_h]
+    # fault: what conducts is what the matrix has beyond the sizes of nodes -> K = csr_matrix(J -
+    #   diags_array(sizes[free_h])) | thermal_fmu/test_surplus
+    K = csr_matrix(J - diags_array(C[free_h]))
+    conducted = K @ (inner @ more.y[free])
+    g = (P.T @ sizes)[free] * more.D[free] - inner.T @ conducted
+    # fault: what loads brought that changed is taken for what conduction did -> w = np.zeros(g.size) |
     #   thermal_fmu/test_surplus
-    twice = solve(C * solve(S))
-    return np.asarray(2.0 * twice - solve(C * twice))
+    w = factorise(csr_matrix(inner.T @ J @ inner))(g)
+    S = np.zeros(C.size)
+    S[free_h] = conducted + J @ (inner @ w) - (sizes * (P @ more.D))[free_h]
+    # fault: what flowed otherwise before is left for longer than it was -> return np.asarray(halved.solve(S)) |
+    #   thermal_fmu/test_surplus
+    twice = halved.solve(C * halved.solve(S))
+    return np.asarray(2.0 * twice - halved.solve(C * twice))

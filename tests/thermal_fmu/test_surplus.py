@@ -12,6 +12,7 @@ sys.path.insert(0, str(Path(__file__).parent))
 from test_extremes import film, stepped
 from thermal_scenes import Box, scene, spec
 
+from contact.half.interface import Pair
 from contact.half.state import from_bytes, to_bytes
 from thermal_fmu.earlier import MOST, Earlier
 from thermal_fmu.halved import halved
@@ -69,17 +70,55 @@ def test_a_ramp_after_a_long_rest():
     assert 0.5 * true.max() < told.max() < 1.5 * true.max(), (true, told)
 
 
+@pytest.mark.parametrize("n", [3, 12])
+def test_a_flux_that_grows_is_no_error(n):
+    """What loads bring more than before smaller cells take as the half's do."""
+    ramp = {"t": [0.0, 1.0], "value": [0.0, 1.0]}
+    model = spec([{"on": "a.left", "flux": ramp}], method="sdirk2")
+    of_mean, of_side = courses(model, 0.02, (5, 20, 50), n=n).transpose(1, 2, 0)
+    assert np.abs(of_mean).max() < 1e-3
+    true, told = np.abs(of_side)
+    assert (true < 0.5 / n).all()
+    assert (told < 2.0 * true.max()).all(), (true, told)
+
+
+def test_beside_a_body_that_freezes_nothing_is_made_up():
+    """A mould takes the heat that a front gives: what is not known there is no heat of the mould's own."""
+    def course(n, looks):
+        mesh = scene(Box(0, 0.03, 0, 0.005, 3 * n, 1), Box(0.03, 0.06, 0, 0.005, n, 1),
+                     pairs=(Pair("p", "a.right", "b.left", 0.1, 0.0),))
+        model = spec([], T0=960.0, rho=2600.0, k=100.0, c=1000.0, method="sdirk2",
+                     pairs={"p": {"conduction": {"closed": {"law": "constant", "h": 5000.0}, "open": None}}})
+        model["materials"]["m"]["latent"] = {"L": 390e3, "T_m": 933.0}
+        model["materials"]["steel"] = {"rho": 7850.0, "k": 40.0, "c": 480.0}
+        model["bodies"]["b"] = {"material": "steel", "T0": 400.0}
+        pressed = lambda of: {"t_N": -np.ones(len(of.pair_nodes))}  # noqa: E731
+        outs = [stepped(mesh, model, 0.05, k, pressed) for k in looks]
+        at = np.flatnonzero(mesh.node_body == 1)
+        return [float(np.asarray(out["T"])[at].mean()) for out in outs], [
+            float(np.abs(np.asarray(out["mesh.halved.T"])[at]).max()) for out in outs]
+
+    looks = (3, 10, 30, 90)
+    _, told = course(6, looks)
+    assert max(told) < 45.0, told
+    assert told[-1] < 10.0, told
+
+
 def test_what_it_remembers_is_part_of_the_state():
     earlier = Earlier().then(0.0, np.array([1.0, 2.0]), 1.0)
     for k in range(1, 40):
+        earlier = earlier.after(1.0, np.array([float(k), 2.0]), np.array([1.0 + k, 2.0]))
         earlier = earlier.then(float(k), np.array([1.0 + k, 2.0]), 1.0)
         assert earlier.t.size == min(k + 1, MOST)
         assert earlier.t[0] == 0.0
         assert earlier.t[-1] == k
     ages = 40.0 - earlier.t
     assert (ages[:-1] / ages[1:] > 1.4).all(), ages
-    assert np.array_equal(earlier.since(20.0), [1.0 + earlier.t[earlier.t >= 20.0][0], 2.0])
-    assert earlier.since(39.5) is None
+    first = earlier.t[earlier.t >= 20.0][0]
+    began = earlier.since(20.0, 39.0)
+    assert np.array_equal(began.s, [1.0 + first, 2.0])
+    assert began.way == pytest.approx([0.5 * (39.0 - first) ** 2, 0.0])
+    assert earlier.since(39.5, 39.5) is None
     again = from_bytes(to_bytes(earlier), {"thermal_fmu"})
     assert np.array_equal(again.t, earlier.t)
     assert np.array_equal(again.s, earlier.s)
