@@ -23,7 +23,6 @@ from coupler.control.state import Committed, ControlState, first, monitors, open
 from coupler.rules.engine import Firing
 from coupler.scenario.options import Adaptive, OnMax, Scheme, Seen
 from coupler.schemes.state import CoupledState, Halves, Settings, Solved, Span, Verdict
-from coupler.trust.in_space.moved import MovedLog
 from coupler.trust.in_time.errors import Looked
 from coupler.trust.in_time.instants import Acted
 from coupler.trust.in_time.stability import Mended
@@ -134,7 +133,6 @@ class Tried:
     error : where it is known.  event : what happens at its end, or inside where it was put back for it.
     fired : the rules that fired.  looked : what was seen of the probes, of a window that stands.
     mended : what is done about an exchange that rings in it, for which it was put back.
-    moved : what was asked of it (`step`), if it stands.
     """
 
     number: int
@@ -152,7 +150,6 @@ class Tried:
     fired: tuple[Firing, ...] = ()
     looked: Looked | None = None
     mended: Mended | None = None
-    moved: MovedLog | None = None
 
     @property
     def accepted(self) -> bool:
@@ -204,7 +201,7 @@ def finished(at: Committed, plan: Plan) -> bool:
 
 # What is asked of a window that stands, as long as it can be solved again: of it, of what was seen of its probes, and
 # whether the run ends with it.
-AskedAgain = Callable[[spare.Window, Looked, bool], MovedLog]
+AskedAgain = Callable[[spare.Window, Looked, bool], None]
 
 
 def step(halves: Halves, at: Committed, plan: Plan, ask: AskedAgain | None = None) -> Tried:
@@ -255,17 +252,16 @@ def step(halves: Halves, at: Committed, plan: Plan, ask: AskedAgain | None = Non
                 after, looked = replace(follows.control, spare=memory), None
             if follows is not None:
                 verdict = replace(verdict, notes=(*verdict.notes, follows.text))
-        moved = None
         if ask is not None and looked is not None:
-            moved = ask(spare.Window(at.state, span, options, saved, solved), looked,
-                        finished(Committed(solved.state, after), plan))
+            ask(spare.Window(at.state, span, options, saved, solved), looked,
+                finished(Committed(solved.state, after), plan))
     after = _joined(after, at, plan, halves, verdict.solved)
     state = solved.state if verdict.solved.taken else at.state
     return Tried(control.number, t0, span.end - t0, verdict.solved, time.perf_counter() - started,
                  Committed(state, after), control, span,
                  (*verdict.notes, *after.flutter.notes[len(control.flutter.notes):]),
                  "; ".join(r for r in (reason, why) if r), verdict.error, verdict.event, verdict.fired,
-                 looked, mended, moved)
+                 looked, mended)
 
 
 def _joined(control: ControlState, at: Committed, plan: Plan, halves: Halves, solved: Solved) -> ControlState:

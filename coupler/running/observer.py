@@ -83,6 +83,7 @@ class Observer:
         self._probed = probed.Probed({} if "thermal" in scenario.own_meshes else scenario.probes, halves.thermal.blocks,
                                     interface.node_body)
         self._moved = MovedProbes(scenario, halves)
+        self._looked: MovedLog | None = None  # of the window that is to be judged
         self.choice = frame_choice(scenario.output.most, scenario.coupling.end, len(interface.nodes),
                                    self.outputs.fields)
         self.trust = TrustLog()
@@ -127,9 +128,9 @@ class Observer:
         self.trust = replace(self.trust, probed=probed.begun(self._values(now, look), len(now.T)),
                              moved=self._moved.begun(now, self.watched(now)))
 
-    def moved(self, window: Window, seen: Looked, *, kink: bool, at_end: bool) -> MovedLog:
-        """Return the log of what temperatures move, after a window that stands and may be solved once more."""
-        return self._moved.after(self.trust.moved, window, seen.values, kink=kink, at_end=at_end)
+    def look_again(self, window: Window, seen: Looked, *, kink: bool, at_end: bool) -> None:
+        """Look at what temperatures move, in a window that stands and may be solved again; then it is judged."""
+        self._looked = self._moved.after(self.trust.moved, window, seen.values, kink=kink, at_end=at_end)
 
     def judge(self, tried: Tried, before: Level, fresh: bool) -> None:
         """Note what an accepted window says of whether the run can be trusted.
@@ -140,8 +141,8 @@ class Observer:
             self.trust, (before, tried.solved.state.now), Ledger().after(tried.solved.terms).everything,
             fresh=fresh, forced=tried.forced, looked=tried.looked,
             inputs=tried.before.settings.inputs.get("thermal", {}), monitors=tried.solved.monitors, reads=tried.reads)
-        if tried.moved is not None:
-            self.trust = replace(self.trust, moved=tried.moved)
+        if self._looked is not None:
+            self.trust, self._looked = replace(self.trust, moved=self._looked), None
         # fault: nobody holds drives to their targets -> if False: | coupler/test_trust_drives
         if self._scenario.rules:
             self.trust = self._watch.acted(self.trust, tried.acted)

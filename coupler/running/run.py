@@ -53,7 +53,6 @@ from coupler.schemes.accounts import HEATS
 from coupler.schemes.ledger import Ledger
 from coupler.schemes.mapped import joined
 from coupler.schemes.state import CoupledState
-from coupler.trust.in_space.moved import MovedLog
 from coupler.trust.in_time.errors import Looked
 from coupler.verify.verdicts import HalfVerdict, Verify, trust_rows, verdicts_of
 
@@ -333,9 +332,9 @@ class Run:
             self._standing.broke(exc)
             raise
 
-    def _ask(self, window: Window, seen: Looked, at_end: bool) -> MovedLog:
-        """Return what the log holds of what temperatures move, after a window that stands."""
-        return self._observer.moved(window, seen, kink=window.span.k1 in self.plan.schedule.kinks, at_end=at_end)
+    def _ask(self, window: Window, seen: Looked, at_end: bool) -> None:
+        """Look at a window that stands while it can be solved again."""
+        self._observer.look_again(window, seen, kink=window.span.k1 in self.plan.schedule.kinks, at_end=at_end)
 
     def _noticed_of(self, tried: Tried) -> tuple[str, ...]:
         """Return the notes on bodies that were damped, and note them."""
