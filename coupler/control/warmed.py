@@ -45,6 +45,11 @@ class Warmed:
     solves: int = 0
     why: str = ""
 
+    def then(self, other: Warmed) -> Warmed:
+        """Return both; where the other has none of its answers, with its reason."""
+        return Warmed((*self.answers, *other.answers), self.times + other.times, self.solves + other.solves,
+                      self.why or other.why)
+
 
 def can_warm(halves: Halves) -> bool:
     """Whether mechanics take temperatures, and can be put back."""

@@ -3,11 +3,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 import numpy as np
 from numpy.typing import NDArray
 
 from coupler.control.spare import Window
-from coupler.control.warmed import Warmed, as_it_ended, can_warm, warmed
+from coupler.control.warmed import Answer, Warmed, as_it_ended, can_warm, warmed
 from coupler.record.look import Look
 from coupler.record.observe import ProbeReader
 from coupler.scenario import Scenario
@@ -23,6 +25,7 @@ Array = NDArray[np.float64]
 
 MEANS, SOLID = f"{HALVED}T_mean", f"{HALVED}f_s"
 SLIGHT = 1e-4  # of a solid fraction
+SEEN = 0.01  # of the range of a probe
 # Of outputs without a place those that are forces or motions; others count, or add up what windows did.
 MOTION, FORCES = "motion.", ("N", "N.m", "Pa", "m")
 
@@ -70,12 +73,12 @@ class MovedProbes:
         log, speeds = moved.after(log, self._known(values), now.t, self._end)
         # fault: nobody asks what smaller cells do to gaps -> if False: | coupler/test_trust_moved
         if probed.due(log.probed, speeds, h, kink=kink, at_end=at_end):
-            off, done = self._off(window)
+            off, done = self._off(window, {n: one.high - one.low for n, one in log.probed.of.items()})
             log = moved.looked(log, speeds, off, done.times, done.solves, done.why)
         return moved.kinked(log) if kink else log
 
-    def _off(self, window: Window) -> tuple[dict[str, float], Warmed]:
-        """Probe -> by how much it is off, where it is known, and what that took."""
+    def _off(self, window: Window, wide: Mapping[str, float]) -> tuple[dict[str, float], Warmed]:
+        """Probe -> by how much it is off, where it is known, and what that took.  wide : its range so far."""
         told = Look(self._both, {"thermal": self._told}).read("thermal", self._told)
         change = {name.removeprefix(HALVED).replace("T_mean", "T"): np.asarray(of) for name, of in told.items()}
         if not all(np.isfinite(of).all() for of in change.values()):
@@ -83,27 +86,35 @@ class MovedProbes:
         # fault: what nobody feels is solved for -> if False: | coupler/test_trust_moved
         if all(np.abs(of).max(initial=0.0) <= self._slight[name] for name, of in change.items()):
             return dict.fromkeys(self._at, 0.0), Warmed()
-        now = window.solved.state.now
-        signs = [1.0]
-        # What flows goes on with ease and comes back with its whole stiffness, which it would not in a run of other
-        # temperatures.
-        # fault: bodies that flow are told to be off by what would unload them -> pass | coupler/test_trust_moved
-        if now.elastic_strain is not None:
-            signs.append(-1.0)
         # fault: a window that was not solved in one is held against its end -> again = False |
         #   coupler/test_trust_moved
         again = not as_it_ended(window)
-        if again:
-            signs.append(0.0)
-        changes = [{name: sign * of for name, of in change.items()} for sign in signs]
-        done = warmed(self._halves, window, changes, self._reader.names["mechanical"])
+        done = self._solved(window, change, (1.0, 0.0) if again else (1.0,))
         if done.why:
             return {}, done
-        found = [self._reader.measurable(answer.level, Look.of({"mechanical": answer.read}))
-                 for answer in done.answers]
-        end = found.pop() if again else self._reader.measurable(now)
-        off = np.abs(np.array(found) - end).min(axis=0)
+        now = window.solved.state.now
+        end = self._probes(done.answers[1]) if again else self._reader.measurable(now)
+        off = np.abs(self._probes(done.answers[0]) - end)
+        # What flows goes on with ease and comes back with its whole stiffness, which it would not in a run of other
+        # temperatures.
+        # fault: bodies that flow are told to be off by what would unload them -> flows = False |
+        #   coupler/test_trust_moved
+        flows = now.elastic_strain is not None
+        if flows and any(by > SEEN * wide.get(n, 0.0) for n, by in zip(self._at, off, strict=True)):
+            back = self._solved(window, change, (-1.0,))
+            done = done.then(back)
+            if back.why:
+                return {}, done
+            off = np.fmin(off, np.abs(self._probes(back.answers[0]) - end))
         return {n: float(by) for n, by in zip(self._at, off, strict=True) if np.isfinite(by)}, done
+
+    def _solved(self, window: Window, change: Mapping[str, Array], times: tuple[float, ...]) -> Warmed:
+        """The window with so many times the change."""
+        changes = [{name: by * of for name, of in change.items()} for by in times]
+        return warmed(self._halves, window, changes, self._reader.names["mechanical"])
+
+    def _probes(self, answer: Answer) -> Array:
+        return self._reader.measurable(answer.level, Look.of({"mechanical": answer.read}))
 
     def _known(self, values: Array) -> dict[str, float]:
         return {n: float(values[k]) for n, k in self._at.items() if np.isfinite(values[k])}
