@@ -90,7 +90,7 @@ def warmed(halves: Halves, window: Window, changes: Sequence[Mapping[str, Array]
                 found.append(Answer(mechanical_level(level, done.outputs), done.outputs))
         except DiscardError as exc:
             found, why = [], str(exc)
-        # fault: a look at other temperatures leaves mechanics with them -> pass | coupler/test_warmed
+        # fault: a look at other temperatures leaves mechanics with them -> pass | coupler/test_trust_moved
         end.roll_back("a window was only looked at")
     return Warmed(tuple(found), times, times * span.substeps["mechanical"], why)
 
