@@ -61,8 +61,8 @@ HALVED = "mesh.halved."  # of an output: what is added to it is nearer to the tr
 UNKNOWN = -1.0
 MORE, HIDDEN = 1.5, 0.4
 # Of heat that flows in all: what Newton's method leaves of it.
-LEFT = 1e-5
-TOLERANCE = 1e-6
+LEFT = 1e-7
+TOLERANCE = 1e-8
 BACKWARD_EULER = Stage(1.0, 1.0, 1.0)
 
 

@@ -122,3 +122,19 @@ def test_what_it_remembers_is_part_of_the_state():
     again = from_bytes(to_bytes(earlier), {"thermal_fmu"})
     assert np.array_equal(again.t, earlier.t)
     assert np.array_equal(again.s, earlier.s)
+
+
+def test_a_small_heat_beside_a_large_one_is_told():
+    """What passes the far end is a millionth of what comes in, and wrong by most of itself."""
+    def heats(n, k):
+        mesh = scene(Box(0, 1, 0, 0.1, n, 1))
+        model = spec([film("a.left", 50.0, T=1.0) | {"name": "in"}, film("a.right", 0.001) | {"name": "out"}],
+                     method="sdirk2")
+        out = stepped(mesh, model, 0.005, k)
+        return np.array([float(out["condition.heat.out"]), float(out["mesh.halved.condition.heat.out"]),
+                         float(out["condition.heat.in"])])
+
+    some, exact = heats(3, 10), heats(48, 10)
+    true = abs(some[0] - exact[0])
+    assert 0.3 * abs(some[0]) < true < 1e-5 * some[2]
+    assert 0.3 * true < abs(some[1]) < 6.0 * true, (true, some)
