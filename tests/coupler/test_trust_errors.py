@@ -237,7 +237,7 @@ class Told(ProbeReader):
         self._interface: Any = SimpleNamespace(pairs=[SimpleNamespace(gap_max=0.006)])
         self._values = np.array(values)
 
-    def values(self, level: Any) -> Any:
+    def values(self, level: Any, look: Any = None) -> Any:
         return self._values
 
 

@@ -80,7 +80,7 @@ def test_a_bar_that_yields_is_not_told_what_would_unload_it(tmp_path):
     some, exact = (run(bar(tmp_path, n, **law), tmp_path / f"{n}.h5") for n in (3, 24))
     assert exact.probe("stress")[1].min() < -0.98e8
     true, told = off(some, exact, "stress"), some.probe_errors["stress"].mesh
-    assert 0.7 * true < told < 2.0 * true, (true, told)
+    assert 0.7 * true < told < 2.5 * true, (true, told)
 
 
 @pytest.mark.parametrize("change", [{}, {"coupling.scheme": "iterated"}, {"coupling.scheme": "parallel"},

@@ -19,7 +19,7 @@ from coupler.trust.in_space.probed import ProbedLog, Rhythm
 
 NAME = "cells fine enough for gaps and displacements"
 # A look takes as much as half a window, or more than one.
-RHYTHM = Rhythm(at_first=3.0, over_the_run=5.0, earned=0.01, given_back=4)
+RHYTHM = Rhythm(at_first=2.0, over_the_run=4.0, earned=0.01, given_back=3)
 
 
 @dataclass(frozen=True)
