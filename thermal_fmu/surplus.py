@@ -78,7 +78,7 @@ def surplus(halved: Linear, P: csr_matrix, sizes: Floats, more: Warmed) -> Float
     w = factorise(csr_matrix(inner.T @ J @ inner))(g)
     S = np.zeros(C.size)
     S[free_h] = conducted + J @ (inner @ w) - (sizes * (P @ more.D))[free_h]
+    twice = halved.solve(C * halved.solve(S))
     # fault: what flowed otherwise before is left for longer than it was -> return np.asarray(halved.solve(S)) |
     #   thermal_fmu/test_surplus
-    twice = halved.solve(C * halved.solve(S))
     return np.asarray(2.0 * twice - halved.solve(C * twice))
