@@ -68,8 +68,6 @@ def surplus(halved: Linear, P: csr_matrix, sizes: Floats, more: Warmed) -> Float
     free, C = more.known, halved.C
     free_h = ~halved.fixed & (np.asarray(P @ free) > 0.0)
     inner, J = P[free_h][:, free], halved.J[free_h][:, free_h]
-    # fault: what conducts is what the matrix has beyond the sizes of nodes -> K = csr_matrix(J -
-    #   diags_array(sizes[free_h])) | thermal_fmu/test_surplus
     K = csr_matrix(J - diags_array(C[free_h]))
     conducted = K @ (inner @ more.y[free])
     g = (P.T @ sizes)[free] * more.D[free] - inner.T @ conducted

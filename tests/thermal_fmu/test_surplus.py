@@ -82,6 +82,17 @@ def test_a_flux_that_grows_is_no_error(n):
     assert (told < 2.0 * true.max()).all(), (true, told)
 
 
+@pytest.mark.parametrize("n", [3, 6])
+def test_a_flux_that_stops_is_told_as_it_evens_out(n):
+    """What it brought while it was there is no error, what cells made of it is."""
+    off = {"t": [0.0, 0.3, 0.31, 1.0], "value": [1.0, 1.0, 0.0, 0.0]}
+    model = spec([{"on": "a.left", "flux": off}], method="sdirk2")
+    of_mean, (true, told) = courses(model, 0.02, (10, 14, 17, 20, 30), n=n).transpose(1, 2, 0)
+    assert np.abs(of_mean).max() < 1e-6
+    # 0.5 where conduction was taken for all that had changed.
+    assert (np.abs(told - true) < 0.2 * np.abs(true).max()).all(), (true, told)
+
+
 def test_beside_a_body_that_freezes_nothing_is_made_up():
     """A mould takes the heat that a front gives: what is not known there is no heat of the mould's own."""
     def course(n, looks):
