@@ -169,9 +169,9 @@ def after(log: ProbedLog, values: Mapping[str, float], t: float, end: float, rhy
     # fault: looks are spent on the first moment of a shock -> began = True | coupler/test_trust_probed
     began = t - log.kink > MOMENT * end
     credit = log.credit + rhythm.earned + rhythm.over_the_run * h / end
+    more = any(one.high - one.low > WIDER * one.wide > 0.0 for one in seen.values())
     # fault: looks at what came before are not given back -> wider = False | coupler/test_trust_probed
-    wider = log.given_back < rhythm.given_back and any(one.high - one.low > WIDER * one.wide > 0.0
-                                                       for one in seen.values())
+    wider = more and log.given_back < rhythm.given_back
     if wider:
         credit += log.price
         seen = {name: replace(one, wide=one.high - one.low if one.wide else 0.0) for name, one in seen.items()}
