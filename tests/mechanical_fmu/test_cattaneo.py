@@ -74,7 +74,7 @@ def at_slave(out: dict[str, Any], interface: Interface | None = None) -> tuple[n
 def test_what_sticks_shrinks_to_the_middle(fine, default):
     """At Q/(mu P) = .351 and .684 a zone of .806 and .562 of a sticks.
 
-    By default to 0.0 and 0.9 % in edges of 100 um.  With a spring of sticking as soft as the cells there 2.1 and 5.4 %.
+    By default to 0.2 and 1.3 % in edges of 100 um.  With a spring of sticking as soft as the cells there 2.1 and 5.4 %.
     """
     interface, more = scene(fine), {}
     if default:
