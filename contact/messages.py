@@ -23,17 +23,17 @@ WIRE_VERSION = 10
 class Passes:
     """How the pairs are searched: once each, or in two passes of half the weight with the sides exchanged.
 
-    Arrays of (n_passes,). pair : number of the pair. slave, master : surface numbers, the same one for a surface that
-    may fold onto itself. weight : part of the area that counts [1]. by_node : 0 for points on pieces of edges cut at
-    the other side's nodes, 1 for one point a slave node (the paper's form). gap_max : farther apart nothing is faced
-    [m]. eps_N : penalty [Pa/m], 0: at each point that of the two edges there in a row. eps_T : stiffness of sticking
-    [Pa/m], 0: stick times eps_N. mu : Coulomb's coefficient [1]. depth : how deep behind the other surface is looked
-    [m], where that is more than an edge's length; None: nowhere. tied : 1 where the sides are bonded as they face each
-    other at Register.x, for good, else 0; None: nowhere. smooth : 1 where forces see the sides as round as they are at
-    Register.x (contact.rounding), else 0; None: nowhere. parting : 1 where pieces end where the gap is 0, else 0:
-    pairs by their penalty alone, whose pressure ends there; None: nowhere. leaning : 1 where corners of the slave are
-    pushed along the master's normals (contact.leaning), else 0: pairs whose master does not deform; None: nowhere.
-    stick : eps_T over eps_N where eps_T is 0 [1]; None: 1.
+    Arrays of (n_passes,).  pair : number of the pair.  slave, master : surface numbers, the same one for a surface
+    that may fold onto itself.  weight : part of the area that counts [1].  by_node : 0 for points on pieces of edges
+    cut at the other side's nodes, 1 for one point a slave node (the paper's form).  gap_max : farther apart nothing is
+    faced [m].  eps_N : penalty [Pa/m], 0: at each point that of the two edges there in a row.  eps_T : stiffness of
+    sticking [Pa/m], 0: stick times eps_N.  mu : Coulomb's coefficient [1].  depth : how deep behind the other surface
+    is looked [m], where that is more than an edge's length; None: nowhere.  tied : 1 where the sides are bonded as
+    they face each other at Register.x, for good, else 0; None: nowhere.  smooth : 1 where forces see the sides as
+    round as they are at Register.x (contact.rounding), else 0; None: nowhere.  parting : 1 where pieces end where the
+    gap is 0, else 0: pairs by their penalty alone, whose pressure ends there; None: nowhere.  leaning : 1 where
+    corners of the slave are pushed along the master's normals (contact.leaning), else 0: pairs whose master does not
+    deform; None: nowhere.  stick : eps_T over eps_N where eps_T is 0 [1]; None: 1.
     """
 
     pair: Ints

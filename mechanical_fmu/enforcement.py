@@ -188,8 +188,9 @@ def solve_at_once(system: System, loading: Loading, start: ForceBalance, anchor:
         history.append(max(float(error.max()), *(change.most / change.largest for change in changes)))
         gap = loading.target - balance.u.ravel()[system.constraints.fixed]
         if not gap.any() and balances(system, balance, error, floor, history):
-            # fault: pressures taken as settled -> if True: | mechanical_fmu/test_semi_smooth
             # What ties hold together neither opens nor slips: that is settled as far as forces balance.
+            # fault: pressures taken as settled -> if True: | mechanical_fmu/test_semi_smooth
+            # fault: ties settle no further than pressures -> if settled(changes, share): | mechanical_fmu/test_tied
             if settled(changes, share, min(share, settings.tolerance)):
                 return _as_solved(Equilibrium(balance, float(error.max()), tuple(history), fresh), query)
             by_now = np.where(augmented, query.multipliers + sum(change.by for change in changes), 0.0)

@@ -52,7 +52,7 @@ from thermal_fmu.scene import SubstepData, ThermalScene, freeze, prescribed_valu
 from thermal_fmu.sources import loads_at
 from thermal_fmu.step import StepContext, flow_at
 from thermal_fmu.surface_terms import at_nodes
-from thermal_fmu.surplus import Linear, Warmed, surplus
+from thermal_fmu.surplus import Linear, MoreWarmth, surplus
 
 Floats = NDArray[np.float64]
 
@@ -126,7 +126,7 @@ class StepEnded:
         return np.divide(took, C, out=np.zeros(C.size), where=C > 0.0)
 
     @property
-    def more(self) -> Warmed | None:
+    def more(self) -> MoreWarmth | None:
         """By how much more nodes were warmed since errors began to grow than they are now; None: nothing is known.
 
         Of bodies that melt nothing is.  As of `rate` it is what they stored, over what they store at `even`.
@@ -143,7 +143,7 @@ class StepEnded:
         y = (self.s - began.s) - began.way / self.grown
         for body in scene.melting:
             known[body.nodes] = False
-        return Warmed(D, y, known)
+        return MoreWarmth(D, y, known)
 
     def even(self, s: Floats) -> Floats:
         """One temperature of all nodes [K], at which they store by their size, in the shape of s."""

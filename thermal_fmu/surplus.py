@@ -46,7 +46,7 @@ class Linear:
 
 
 @dataclass(frozen=True)
-class Warmed:
+class MoreWarmth:
     """By how much more nodes of the half were warmed than they are now, (n,) each.
 
     D [K]: than at their present rate.  y [K]: than at their present temperatures, over the time t of `Linear`.
@@ -58,7 +58,7 @@ class Warmed:
     known: Mask
 
 
-def surplus(halved: Linear, P: csr_matrix, sizes: Floats, more: Warmed) -> Floats:
+def surplus(halved: Linear, P: csr_matrix, sizes: Floats, more: MoreWarmth) -> Floats:
     """Return e : (n_halved,) [K], 0 at fixed nodes.
 
     P : (n_halved, n) as of Halved.  sizes : (n_halved,) capacities of nodes that D is over [J/K].

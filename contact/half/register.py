@@ -16,8 +16,8 @@ def surface_names(interface: Interface) -> list[str]:
     return list(dict.fromkeys(name for pair in interface.pairs for name in (pair.slave, pair.master)))
 
 
-# eps_T over eps_N where multipliers take what surfaces overlap by, and what sticks yields alone: were it as soft as the
-# penalty, as soft as cells, zones that stick would be some per cent too wide (Cattaneo).
+# eps_T over eps_N of augmented pairs.  They overlap by nothing, so what sticks is all that yields there: as soft as the
+# penalty, which is as soft as cells, it makes zones that stick some per cent too wide (Cattaneo).
 STICK = 4.0
 
 
