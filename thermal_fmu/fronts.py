@@ -41,7 +41,8 @@ from thermal_fmu.phase_change import Melting, NodalFields, PhaseChange
 Floats = NDArray[np.float64]
 
 FRONT_OFF = "mesh.T_front_off"  # of nodes: an output
-HALVINGS = 40  # of a range that holds T': to 1e-12 of it
+HALVINGS = 40  # at most, of a range that holds T'
+SETTLED = 1e-9  # of the range about T'
 SOONER = 0.75  # of the time in which the last node changes phase: so long would all that belongs to it take
 ALIKE = 0.5  # of what changes phase: where less than that is behind at a node around, the front goes nowhere on
 SLIGHT = 1e-6  # of the largest: what is off by less is off by nothing
@@ -127,20 +128,31 @@ def _shifted(change: PhaseChange, s: Floats, T: Floats, dT: Floats) -> Floats:
     c_s, c_l = (float(c(np.array(at))) for c, at in ((change.solid, low), (change.liquid, high)))
     melt = change.L + 0.5 * (c_s + c_l) * (high - low)
 
+    def stored(T: Floats) -> Floats:
+        """Return h of a temperature; of the only one at which all melts, half of it."""
+        mushy = melt * np.clip((T - low) / (high - low), 0.0, 1.0) if high > low else melt * np.heaviside(T - low, 0.5)
+        return np.asarray(c_s * np.minimum(T - low, 0.0) + mushy + c_l * np.maximum(T - high, 0.0))
+
     def area(T: Floats) -> Floats:
         """Int h dT from T_s on."""
-        within = np.clip(T - low, 0.0, high - low)
         beyond = np.maximum(T - high, 0.0)
-        mushy = 0.5 * melt * within**2 / (high - low) if high > low else 0.0
+        mushy = 0.5 * melt * np.clip(T - low, 0.0, high - low) ** 2 / (high - low) if high > low else 0.0
         return 0.5 * c_s * np.minimum(T - low, 0.0) ** 2 + mushy + melt * beyond + 0.5 * c_l * beyond**2
 
     h = c_s * np.minimum(T - low, 0.0) + melt * phi + c_l * np.maximum(T - high, 0.0)
-    least, most = T - 0.5 * dT, T + 0.5 * dT
+    half = 0.5 * dT
+    least, most, middle = T - half, T + half, T
+    # Newton's method, and halves of what is left where it leads out of that: the mean goes up with T' in every way.
     for _ in range(HALVINGS):
-        middle = 0.5 * (least + most)
-        mean = (area(middle + 0.5 * dT) - area(middle - 0.5 * dT)) / dT
+        above, below = middle + half, middle - half
+        mean, slope = (area(above) - area(below)) / dT, (stored(above) - stored(below)) / dT
         least, most = np.where(mean < h, middle, least), np.where(mean < h, most, middle)
-    return 0.5 * (least + most)
+        to = middle + np.divide(h - mean, slope, out=np.full(T.size, np.inf), where=slope > 0.0)
+        to = np.where((to >= least) & (to <= most), to, 0.5 * (least + most))
+        middle, before = to, middle
+        if (np.abs(middle - before) <= SETTLED * dT).all():
+            break
+    return middle
 
 
 def _late(change: PhaseChange, c: Property, f: Floats, beyond: Floats, dT: Floats, goes_on: NDArray[np.bool_]

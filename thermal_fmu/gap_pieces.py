@@ -34,6 +34,7 @@ NONE_AT_AXIS = 3e-3
 T_LAW = 300.0  # [K] a law over temperature does not change along a piece for its gap
 POINTS = np.array([0.5 - GAUSS, 0.5 + GAUSS])
 NODES = np.array([0.0, *POINTS, 1.0])
+CUBIC = np.linalg.inv(np.vander(NODES, increasing=True)).T  # values at NODES -> coefficients of 1, x, x^2, x^3
 GRID = np.linspace(0.0, 1.0, 33)
 # A gap at the end of a piece that is farther than this from a straight one, of how much it changes between its points,
 # is that of something else, unless both ends are alike to this part.  Of a parabola both are, and about its end it is
@@ -127,15 +128,16 @@ def _cuts(points: ContactPoints, pair: int, told: Sequence[Told]) -> list[tuple[
     whole = np.broadcast_to([0.0, 1.0], (first.size, 2))
     needed = np.zeros(first.size, dtype=np.bool_)
     for of_gap, _ in told:
-        needed |= _misses(of_gap, gaps, whole, _about(1, narrow, kinks))
+        needed |= _misses(of_gap, gaps, whole, _crosses(of_gap, gaps, _about(1, narrow, kinks)))
     first, gaps, kinks, narrow = first[needed], gaps[needed], kinks[needed], narrow[needed]
     if not first.size:
         return []
     depth = np.zeros(first.size, dtype=np.intp)
     finest = _about(MOST_HALVED, narrow, kinks)
     for of_gap, _ in told:
+        right = _crosses(of_gap, gaps, finest)
         for d in range(MOST_HALVED):
-            off = _misses(of_gap, gaps, _about(d, narrow, kinks), finest)
+            off = _misses(of_gap, gaps, _about(d, narrow, kinks), right)
             if not off.any():
                 break
             depth[off] = np.maximum(depth[off], d + 1)
@@ -173,11 +175,8 @@ def _as_round(off: Floats, change: Floats) -> NDArray[np.bool_]:
 
 def _along(gaps: Floats, places: Floats) -> Floats:
     """Return (n, k) the gap [m] at places : (1 or n, k) [1] of pieces, the cubic through gaps : (n, 4)."""
-    out = np.zeros((len(gaps), places.shape[1]))
-    for i, at in enumerate(NODES):
-        others = np.delete(NODES, i)
-        out += gaps[:, i, None] * np.prod([(places - x) / (at - x) for x in others], axis=0)
-    return np.maximum(out, 0.0)
+    a, b, c, d = (gaps @ CUBIC)[:, :, None].transpose(1, 0, 2)
+    return np.asarray(np.maximum(a + places * (b + places * (c + places * d)), 0.0))
 
 
 def _kinks_along(gaps: Floats, kinks: Sequence[float]) -> Floats:
@@ -226,9 +225,8 @@ def _about(halved: int, narrow: Floats, kinks: Floats) -> Floats:
     return np.sort(np.concatenate([places, kinks, ends], axis=1), axis=1)
 
 
-def _misses(of_gap: Callable[[Floats], Floats], gaps: Floats, places: Floats, finer: Floats) -> NDArray[np.bool_]:
-    """Whether parts at places : (n, k) miss too much of what finer ones tell."""
-    right = _crosses(of_gap, gaps, finer)
+def _misses(of_gap: Callable[[Floats], Floats], gaps: Floats, places: Floats, right: Floats) -> NDArray[np.bool_]:
+    """Whether parts at places : (n, k) miss too much of what is right : (n,), as finer ones tell."""
     return np.asarray(np.abs(_crosses(of_gap, gaps, places) - right) > MISSED * np.abs(right))
 
 
