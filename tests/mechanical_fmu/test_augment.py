@@ -95,6 +95,13 @@ def test_what_just_touches_settles(link):
     assert -went[3][1]["contact.t_N"] / P == pytest.approx(1.0, rel=1e-3)
 
 
+@pytest.mark.parametrize("squeezed", [DELTA, 1e-11])
+def test_no_more_is_asked_of_pressures_than_forces_feel(link, squeezed):
+    """A share of 1e-8 of them is less than what forces are solved to."""
+    went = steps(bar(4.0, 1e-8, stroke=(0.0, -squeezed), tolerance=1e-8, cuts=0), link, 1)
+    assert -went[0][1]["contact.t_N"] / P * DELTA / squeezed == pytest.approx(1.0, rel=1e-3)
+
+
 def test_multipliers_are_of_the_state_and_survive_its_bytes(link):
     half, stroke = bar(4.0, 1e-6, stroke=(0.0, -DELTA, -3 * DELTA)), (0.0, -DELTA, -3 * DELTA)
     state = steps(half, link, 1)[0][0]
