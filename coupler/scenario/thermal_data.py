@@ -38,9 +38,13 @@ def stated_data(model: Mapping[str, Any]) -> Iterator[StatedData]:
 
 
 class TemperatureData:
-    """The temperatures that a scene prescribes.  model : of the thermal half (model.json), SI and kelvin."""
+    """The temperatures that a scene prescribes, and whether its fluxes and sources heat and cool.
+
+    model : of the thermal half (model.json), SI and kelvin.
+    """
 
     def __init__(self, model: Mapping[str, Any]) -> None:
+        self._powers = tuple(_powers(model))
         fields = tuple(_fields(model))
         self._steady, self._fields = {}, {}
         for sky in (False, True):
@@ -65,12 +69,46 @@ class TemperatureData:
             for field, name in self._fields[kind]:
                 # fault: what scales a prescribed temperature is not known -> factor = 1.0 | coupler/test_trust
                 factor = inputs.get(f"load.{name}", 1.0) if name else 1.0
-                times = {t0, t1, *(float(t) for s in field.signals for t in s.kinks if t0 < t < t1)}
-                for t in times:
-                    for side in (-1, 1):
-                        ends = [factor * bound for bound in _bounds(field, t, side, x)]
-                        low, high = min(low, *ends), max(high, *ends)
+                ends = [factor * bound for bound in _over(field, t0, t1, x)]
+                low, high = min(low, *ends), max(high, *ends)
         return low, high
+
+    def powers(self, t0: float, t1: float, x: Array, inputs: Mapping[str, float]) -> tuple[bool, bool]:
+        """Return whether fluxes and sources heat anything from t0 to t1 [s], and whether they cool; as in `between`."""
+        heats = cools = False
+        for field, name, factors in self._powers:
+            load = inputs.get(f"load.{name}", 1.0) if name else 1.0
+            bounds = _over(field, t0, t1, x)
+            # fault: what heats here and cools there is told by its sum -> ends = [sum(bounds) * load * factors[1]] |
+            #   coupler/test_trust_temperatures
+            ends = [load * factor * bound for factor in factors for bound in bounds]
+            heats, cools = heats or max(ends) > 0.0, cools or min(ends) < 0.0
+        return heats, cools
+
+
+def _over(field: Field, t0: float, t1: float, x: Array) -> tuple[float, float]:
+    """The lowest and highest value of a field from t0 to t1 [s], jumps at both ends included."""
+    times = {t0, t1, *(float(t) for s in field.signals for t in s.kinks if t0 < t < t1)}
+    ends = [bound for t in times for side in (-1, 1) for bound in _bounds(field, t, side, x)]
+    return min(ends), max(ends)
+
+
+def _powers(model: Mapping[str, Any]) -> Iterator[tuple[Field, str, tuple[float, float]]]:
+    """Each flux and source, the name by which it is scaled, "" for none, and the least and largest factor of it."""
+    for stated in stated_data(model):
+        if stated.kind == "flux":
+            yield field_from(stated.given), stated.name, (1.0, 1.0)
+    for body in model.get("bodies", {}).values():
+        for part in (body, *(body.get("regions") or {}).values()):
+            if part.get("Q_T"):
+                yield field_from(part["Q_T"]), "", _factors(part.get("Q_T_factor"))
+
+
+def _factors(given: Any) -> tuple[float, float]:
+    """The least and the largest value of what multiplies a source, over all temperatures: of a polynomial any."""
+    if given is None or isinstance(given, (int, float)):
+        return (1.0, 1.0) if given is None else (float(given), float(given))
+    return (min(given["value"]), max(given["value"])) if "value" in given else (-1.0, 1.0)
 
 
 def _fields(model: Mapping[str, Any]) -> Iterator[tuple[Field, str, bool]]:

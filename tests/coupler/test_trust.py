@@ -137,16 +137,6 @@ def test_the_bound_that_was_left_is_told_as_it_was_then():
     assert "50 K above the highest of its data so far, 350 K" in check.sentence
 
 
-def test_heat_that_is_made_lifts_the_upper_bound_alone():
-    made = {"heat.source": 10.0, "heat.stored.low": 10.0}
-    untold = judged([level(0.0), level(1.0, 500.0)], terms={})[WITHIN]
-    assert untold.verdict == "not checked", "a half without a ledger"
-    assert judged([level(0.0), level(1.0, 500.0)], terms=made)[WITHIN].verdict == "holds"
-    assert judged([level(0.0), level(1.0, [299.0, *[500.0] * 7])], terms=made)[WITHIN].verdict == "broken"
-    both = {"heat.entropy": 1.0}
-    assert judged([level(0.0), level(1.0, 500.0)], terms=both)[WITHIN].verdict == "not checked"
-
-
 def test_nothing_is_colder_than_0_kelvin():
     check = judged([level(0.0), level(1.0, -5.0)], terms={"heat.entropy": 1.0})[WITHIN]
     assert check.verdict == "broken"

@@ -1,8 +1,9 @@
 """Temperatures stay within their data: the maximum principle of conduction.
 
 Where no heat is made and none flows in by a prescribed flux, every temperature lies between the lowest and the highest
-of the initial, the prescribed and the surrounding temperatures up to then (docs/theory.md).  Heat that is made lifts
-the upper bound alone, heat that is taken away the lower; where both happen nothing is said.  0 K bounds every scene.
+of the initial, the prescribed and the surrounding temperatures up to then (docs/theory.md).  Heat that is made, or flows
+in, lifts the upper bound alone, heat that is taken away the lower; where both happen, anywhere, nothing is said.  0 K
+bounds every scene.
 """
 
 from __future__ import annotations
@@ -19,8 +20,9 @@ NOTE_AT, LIMIT = 1e-6, 1e-3  # of the span; round-off and iteration lie below, c
 # Of the largest temperature: what a scene at rest has for a span, so that nothing is held against a warmth of next to
 # nothing (3 uK of a room), and what numbers leave.
 LEAST_SPAN, ROUND_OFF = 1e-8, 1e-13
-MADE = ("source", "flux", "mechanical", "friction.slave", "friction.master")
-"""Terms of the ledger by which heat comes from nowhere; `entropy` goes both ways."""
+MADE, POWERS = ("mechanical", "friction.slave", "friction.master"), ("flux", "source")
+"""Terms of the ledger by which heat comes from nowhere.  The sums of POWERS may be of one sign though they heat here and
+cool there; `entropy` goes both ways."""
 NAME = "temperatures within their data"
 
 
@@ -30,7 +32,7 @@ class TemperatureLog:
     [K]: of that.  made, taken : whether heat was made, or taken away.
 
     least, most [K]: of all temperatures so far.  excess [K]: the largest way out of the bounds, of a node at t [s];
-    negative: below.  bound [K]: which it left.  share : of the span then.
+    negative: below.  bound [K]: which it left.
     """
 
     low: float = math.inf
@@ -44,7 +46,6 @@ class TemperatureLog:
     most: float = -math.inf
     excess: float = 0.0
     bound: float = 0.0
-    share: float = 0.0
     node: int = -1
     t: float = 0.0
 
@@ -67,6 +68,12 @@ class TemperatureLog:
         #   coupler/test_trust_heat_mesh
         by_sky = (high**4 - below**4) / (4.0 * high**3) if 0.0 <= below < low else 0.0
         return max(high - low, by_sky, above - low, self.least_span)
+
+    @property
+    def share(self) -> float:
+        """How far out of bounds a temperature was, of the span of data and of what heat opens on the other side [1]."""
+        span = max(self.high, self.most) - self.low if self.excess < 0.0 else self.high - min(self.low, self.least)
+        return abs(self.excess) / max(span, self.least_span)
 
     @property
     def own_span(self) -> float:
@@ -100,27 +107,23 @@ def watched(log: TemperatureLog, data: TemperatureData, levels: tuple[Level, Lev
                   sky=(min(log.sky[0], c), max(log.sky[1], d)))
     scale = sum(abs(v) for v in terms.values())
     heats = [v for n, v in terms.items() if n.removeprefix("heat.") in MADE and abs(v) > 1e-12 * scale]
-    # A half that keeps no ledger may make heat that is not told.
-    untold = not data.known or not terms
+    heated, cooled = data.powers(before.t, now.t, now.x, inputs)
+    # A half that keeps no ledger, or states fluxes and sources in its own way, may make heat that is not told.
+    own_way = not (heated or cooled) and any(n.removeprefix("heat.") in POWERS and v for n, v in terms.items())
+    untold = not data.known or not terms or own_way
     both = untold or any(n.removeprefix("heat.") == "entropy" and v for n, v in terms.items())
-    # A flux may enter here and leave there: its sum has one sign, its parts may not.
-    mixed = any(n.removeprefix("heat.") == "flux" and v for n, v in terms.items())
-    made = log.made or both or mixed or any(v > 0.0 for v in heats)
-    taken = log.taken or both or mixed or any(v < 0.0 for v in heats)
+    made = log.made or both or heated or any(v > 0.0 for v in heats)
+    taken = log.taken or both or cooled or any(v < 0.0 for v in heats)
     least, most = float(now.T.min()), float(now.T.max())
     log = replace(log, made=made, taken=taken, least=min(log.least, least), most=max(log.most, most))
     found = log
     # Heat that is made or taken opens a span, on its own side, that the data have not.
-    for sign, bound, outside, free, span in (
-            (-1.0, log.low, log.low - least, taken, max(log.high, log.most) - log.low),
-            (1.0, log.high, most - log.high, made, log.high - min(log.low, log.least))):
+    for sign, bound, outside, free in ((-1.0, log.low, log.low - least, taken), (1.0, log.high, most - log.high, made)):
         # fault: what numbers leave is out of bounds -> left = 0.0 | coupler/test_trust
         left = ROUND_OFF * max(abs(least), abs(most))
-        share = max(outside - left, 0.0) / max(span, log.least_span)
         # fault: what leaves its data is not seen -> if False: | coupler/test_trust
-        if not free and share > found.share:
-            found = replace(found, excess=sign * outside, bound=bound, share=share, t=now.t,
-                            node=int((sign * now.T).argmax()))
+        if not free and outside - left > abs(found.excess):
+            found = replace(found, excess=sign * outside, bound=bound, t=now.t, node=int((sign * now.T).argmax()))
     return found
 
 
