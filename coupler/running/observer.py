@@ -33,6 +33,7 @@ from coupler.trust.in_space.fronts import front_outputs
 from coupler.trust.in_space.heat_mesh import heat_mesh_outputs
 from coupler.trust.in_space.mesh import mesh_outputs
 from coupler.trust.in_space.moved import MovedLog
+from coupler.trust.in_space.peak_strain import strain_outputs
 from coupler.trust.in_space.peak_stress import stress_outputs
 from coupler.trust.in_time.errors import Looked
 from coupler.trust.laws.equilibrium import OUTPUT as STABLE
@@ -73,9 +74,11 @@ class Observer:
         self._of_mesh = {"mechanical": mesh_outputs(halves.mechanical.blocks),
                          "thermal": heat_mesh_outputs(halves.thermal.blocks)}
         stress = stress_outputs(halves.mechanical.blocks, interface, scenario.own_meshes)
-        # fault: nobody asks what has flowed -> self._of_stress = {"mechanical": stress} |
-        #   coupler/test_trust_contact_ends
-        self._of_stress = {"mechanical": [*stress, *contact_ends.outputs(halves.mechanical.blocks, stress)]}
+        # fault: nobody asks what has flowed -> flowed: list[str] = [] | coupler/test_trust_contact_ends
+        flowed = contact_ends.outputs(halves.mechanical.blocks, stress)
+        # fault: nobody asks the strains that are probed -> strain: list[str] = [] | coupler/test_trust_peak_strain
+        strain = strain_outputs(halves.mechanical.blocks, stress, scenario.probes)
+        self._of_stress = {"mechanical": list(dict.fromkeys([*stress, *flowed, *strain]))}
         self._of_extremes = extreme_outputs(halves.thermal.blocks)
         # Nobody else needs to know in every window.
         of_T = any(probe.quantity == "T" for probe in scenario.probes.values())

@@ -169,7 +169,7 @@ class PeakStress:
             if body not in bearing or not (asked or bearing[body]):
                 continue
             # fault: a corner that nobody asks for is told in every scene -> if False: | coupler/test_trust_peak_stress
-            if not asked and self._unbound(found.node):
+            if not asked and self.without_bound(found.node):
                 unbound = True
                 continue
             highest = log.highest.get(body, 0.0)
@@ -195,14 +195,14 @@ class PeakStress:
     def _what(self, key: str, found: Found, share: float, asked: bool, body: str) -> str:
         where, to = self._place(found.node), " and to the curve" if found.curved else ""
         which = f"the probe {key} tells" if asked else f"the highest {_kind(key)} of {body} is told as"
-        more = ("which is wrong by as much as" if self._unbound(found.node) else "which is wrong by "
+        more = ("which is wrong by as much as" if self.without_bound(found.node) else "which is wrong by "
                 f"{'at least' if found.along else 'about'}")
         return (f"{which} {amount(found.told, 'Pa')}, as cells have it, {more} {amount(found.off, 'Pa')}, "
                 f"{100.0 * share:.3g} % of the largest of the run, because they are too large: a field fitted to them"
                 f"{to} has {amount(found.at_nodes, 'Pa')}{where}, at t = {found.t:.6g} s")
 
     def _remedy(self, found: Found, share: float) -> str:
-        if why := self._unbound(found.node):
+        if why := self.without_bound(found.node):
             return (f"Stress has no bound there ({why}): smaller cells only make it larger. Read it elsewhere, or draw "
                     "the radius that the corner has")
         if found.node < 0:
@@ -334,7 +334,8 @@ class PeakStress:
                 near |= dict.fromkeys(corners, next(at[k] for k in corners if k in at))
         return near | at
 
-    def _unbound(self, node: int) -> str:
+    def without_bound(self, node: int) -> str:
+        """Why stress has no bound at a node, or at one next to it; "" where it has."""
         return self._no_bound.get(node, "")
 
     def _place(self, node: int) -> str:

@@ -1,9 +1,9 @@
 """Temperatures stay within their data: the maximum principle of conduction.
 
 Where no heat is made and none flows in by a prescribed flux, every temperature lies between the lowest and the highest
-of the initial, the prescribed and the surrounding temperatures up to then (docs/theory.md).  Heat that is made, or flows
-in, lifts the upper bound alone, heat that is taken away the lower; where both happen, anywhere, nothing is said.  0 K
-bounds every scene.
+of the initial, the prescribed and the surrounding temperatures up to then (docs/theory.md).  Heat that is made, or
+flows in, lifts the upper bound alone, heat that is taken away the lower; where both happen, anywhere, nothing is said.
+0 K bounds every scene.
 """
 
 from __future__ import annotations
@@ -21,8 +21,8 @@ NOTE_AT, LIMIT = 1e-6, 1e-3  # of the span; round-off and iteration lie below, c
 # nothing (3 uK of a room), and what numbers leave.
 LEAST_SPAN, ROUND_OFF = 1e-8, 1e-13
 MADE, POWERS = ("mechanical", "friction.slave", "friction.master"), ("flux", "source")
-"""Terms of the ledger by which heat comes from nowhere.  The sums of POWERS may be of one sign though they heat here and
-cool there; `entropy` goes both ways."""
+"""Terms of the ledger by which heat comes from nowhere.  The sums of POWERS may be of one sign though they heat here
+and cool there; `entropy` goes both ways."""
 NAME = "temperatures within their data"
 
 

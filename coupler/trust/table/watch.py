@@ -30,6 +30,7 @@ from coupler.trust.in_space import (
     heat_mesh,
     mesh,
     moved,
+    peak_strain,
     peak_stress,
     probed,
 )
@@ -101,6 +102,7 @@ class TrustWatch:
                          if of_heat.get(pair.name)]
         self._peak_stress = peak_stress.PeakStress(interface, models["mechanical"], probed or {})
         self._probed = dict(probed or {})
+        self._peak_strain = peak_strain.PeakStrain(interface, self._probed, self._peak_stress)
         self._pressed = contact_pressure.ContactPressure(interface, self._probed, self._peak_stress)
         self._ends = contact_ends.ContactEnds(interface, models["mechanical"])
         self._tables = tables.MaterialTables(interface, models)
@@ -198,9 +200,10 @@ class TrustWatch:
     def looked_at_stress(self, log: TrustLog, told: Mapping[str, Array], now: Level) -> TrustLog:
         """Return the log after a look at the stress.
 
-        told : outputs of the mechanical half by name, of peak_stress.py [Pa] and contact_ends.py [1].
+        told : outputs of the mechanical half by name, of peak_stress.py [Pa], peak_strain.py and contact_ends.py [1].
         """
         return replace(log, peak_stress=self._peak_stress.watched(log.peak_stress, told, now.t),
+                       peak_strain=self._peak_strain.watched(log.peak_strain, told, now.t),
                        contact_pressure=self._pressed.watched(log.contact_pressure, told[peak_stress.STRESS], now),
                        contact_ends=self._ends.watched(log.contact_ends, told, now))
 
@@ -269,6 +272,7 @@ class TrustWatch:
             *mesh.checks(log.mesh),
             *self._peak_stress.checks(log.peak_stress, mesh.bears(log.mesh) if log.mesh.energy else
                                       dict.fromkeys(self._interface.bodies, True), self._nothing.get("Pa", 0.0)),
+            *self._peak_strain.checks(log.peak_strain),
             *self._pressed.checks(log.contact_pressure, self._nothing.get("Pa", 0.0)),
             *self._ends.checks(log.contact_ends),
             *across.checks(log.across, log.temperatures.span),

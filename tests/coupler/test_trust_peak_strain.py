@@ -1,0 +1,123 @@
+"""Probes of strains that cells are too large for are told, and break a run."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from coupler import load_scenario, run
+from coupler.running.resume import resume
+from coupler.scenario.probes import Probe
+from coupler.trust.in_space.peak_strain import NAME, PeakStrain, StrainLog, strain_outputs
+from coupler.trust.in_space.peak_stress import PeakStress
+
+sys.path.insert(0, str(Path(__file__).parent))
+from mesh_scenes import rectangles
+from test_trust_peak_stress import top, tube
+
+STRAIN = "\nprobes: {inside: {mechanical.strain.xx: {min: tube}}}"
+FLOWED = "\nprobes: {inside: {mechanical.peeq: {max: tube}}, mean: {mechanical.peeq: {mean: tube}}}"
+YIELDS = ", plastic: {s_y: 1.0e+7, hardening: {law: linear, H: 2.0e+10}}"
+EXACT = -1e7 / 2e11 * ((1 - 0.3**2) + 0.3 * 1.3 * 1.25)  # radial, at the inside of the tube (Lame, plane strain)
+
+
+def check_of(rows):
+    return next((c for c in rows if c.name == NAME), None)
+
+
+@pytest.mark.few("8-false")
+@pytest.mark.parametrize("cut", ["false", "true"])
+@pytest.mark.parametrize("n", [4, 8, 16])
+def test_a_thick_tube_by_its_cells(tmp_path, n, cut):
+    """44 to 13 % of what is told below the strain at the inside; at the end it is gone, and told all the same."""
+    result = run(load_scenario(tube(tmp_path, n, STRAIN, cut)), tmp_path / "run.h5")
+    check, told = check_of(result.trust), float(result.probe("inside")[1].min())
+    off = (told - EXACT) / max(abs(told), abs(EXACT))
+    assert 0.6 < check.number / off < 1.5
+    assert check.t == 1.0
+    assert check.verdict == ("broken" if check.number > 0.2 else "noted")
+    assert "the probe inside tells" in check.sentence
+
+
+def test_what_has_flowed_by_its_cells(tmp_path):
+    """Of a finer mesh: at the inside the mean of a cell is a fifth too little, the mean of the tube is right."""
+    coarse, fine = (run(load_scenario(tube(tmp_path, n, FLOWED, more=YIELDS)), tmp_path / f"{n}.h5") for n in (8, 64))
+    check = check_of(coarse.trust)
+    told = float(coarse.probe("inside")[1].max())
+    edge = check_of(fine.trust).number + 1.0
+    true = float(fine.probe("inside")[1].max()) * edge
+    assert told < 0.85 * true
+    assert check.number == pytest.approx(1.0 - told / true, rel=0.4)
+    mean, right = (float(r.probe("mean")[1].max()) for r in (coarse, fine))
+    assert mean == pytest.approx(right, rel=0.05)
+
+
+def test_a_run_that_went_on_tells_the_same_and_without_such_probes_there_is_no_row(tmp_path):
+    file = tube(tmp_path, 4, STRAIN)
+    whole = run(load_scenario(file), tmp_path / "whole.h5")
+    run(load_scenario(file), tmp_path / "part.h5", until=1.5)
+    assert check_of(resume(tmp_path / "part.h5").trust) == check_of(whole.trust)
+    assert check_of(run(load_scenario(tube(tmp_path, 4)), tmp_path / "none.h5").trust) is None
+    assert strain_outputs({"strain": None}, [], {}) == []
+
+
+# By hand: a strain up a body of four cells, 0.2 m high
+
+def looked(values, quantity, reduction="max", looks=1):
+    """values : of the middles of cells, from y = -0.2 to 0 m, by look."""
+    interface = rectangles({"low": (6, 4), "up": (2, 2)})
+    probe = {"p": top(interface, f"mechanical.{quantity}", reduction)}
+    watch = PeakStrain(interface, probe, PeakStress(interface, {"bodies": {"low": {}, "up": {}}}, {}))
+    y = interface.nodes[interface.quads][..., 1].mean(axis=1)
+    log = StrainLog()
+    for k in range(looks):
+        of = np.where(interface.quad_body == 0, values(y, k), 0.0)
+        log = watch.watched(log, {quantity.partition(".")[0]: of}, float(k))
+    (check,) = watch.checks(log)
+    return check
+
+
+def test_what_has_flowed_is_nowhere_less_than_nothing():
+    """The cells at the top have not: any field through that would be far below zero at the top."""
+    check = looked(lambda y, k: np.interp(y, [-0.125, -0.025], [1.0, 0.0]), "peeq", "min")
+    assert (check.verdict, check.number) == ("holds", 0.0)
+
+
+def test_the_largest_error_of_all_looks_counts():
+    first = looked(lambda y, k: 1.0 + (y + 0.2) / 0.2, "ceeq")
+    assert first.number == pytest.approx(0.0625)
+    later = looked(lambda y, k: 1.0 + (1 - k) * (y + 0.2) / 0.2, "ceeq", looks=2)
+    assert (later.number, later.t) == (pytest.approx(0.0625), 0.0)
+
+
+@pytest.mark.parametrize("of", [1e-3, 1e-14])
+def test_a_strain_that_is_nothing_is_not_held_against_itself(of):
+    """A shear of a thousandth of the strain along, or one of round-off."""
+    interface = rectangles({"low": (6, 4), "up": (2, 2)})
+    probe = {"p": top(interface, "mechanical.strain.xy")}
+    watch = PeakStrain(interface, probe, PeakStress(interface, {"bodies": {"low": {}, "up": {}}}, {}))
+    y = interface.nodes[interface.quads][..., 1].mean(axis=1)
+    strain = np.zeros((len(y), 4))
+    strain[:, 1], strain[:, 2] = 1e3 * of, of * np.where(interface.quad_body == 0, y, 0.0)
+    if of < 1e-10:
+        strain[:, 1] = 0.0
+    (check,) = watch.checks(watch.watched(StrainLog(), {"strain": strain}, 1.0))
+    assert check.verdict == "holds"
+
+
+def test_a_point_in_an_inner_cell():
+    """A field of the second order: what the cells on both sides say is too much, and told up to four times."""
+    interface = rectangles({"low": (6, 4), "up": (2, 2)})
+    node = int(np.argmin(np.linalg.norm(interface.nodes - [0.0, -0.1], axis=1) + 9.0 * (interface.node_body != 0)))
+    cells = np.flatnonzero(np.isin(interface.quads, [node]).any(axis=1)).astype(np.int32)
+    probe = Probe("mechanical.peeq", "", "point", np.array([node], np.int32), np.ones(1), cells,
+                  np.full(cells.size, 1.0 / cells.size))
+    watch = PeakStrain(interface, {"p": probe}, PeakStress(interface, {"bodies": {"low": {}, "up": {}}}, {}))
+    y = interface.nodes[interface.quads][..., 1].mean(axis=1)
+    peeq = np.where(interface.quad_body == 0, 1.0 + 50.0 * (y + 0.1) ** 2, 0.0)
+    (check,) = watch.checks(watch.watched(StrainLog(), {"peeq": peeq}, 1.0))
+    true = 50.0 * 0.025**2 / (1.0 + 50.0 * 0.025**2)
+    assert true < check.number < 4.0 * true
