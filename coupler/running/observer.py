@@ -27,13 +27,12 @@ from coupler.schemes.ledger import Ledger
 from coupler.schemes.levels import Level
 from coupler.schemes.state import CoupledState, Halves
 from coupler.trust.checks import Check
-from coupler.trust.in_space import contact_ends, probed
+from coupler.trust.in_space import cell_probes, contact_ends, probed
 from coupler.trust.in_space.extremes import extreme_outputs
 from coupler.trust.in_space.fronts import front_outputs
 from coupler.trust.in_space.heat_mesh import heat_mesh_outputs
 from coupler.trust.in_space.mesh import mesh_outputs
 from coupler.trust.in_space.moved import MovedLog
-from coupler.trust.in_space.peak_strain import strain_outputs
 from coupler.trust.in_space.peak_stress import stress_outputs
 from coupler.trust.in_time.errors import Looked
 from coupler.trust.laws.equilibrium import OUTPUT as STABLE
@@ -76,9 +75,12 @@ class Observer:
         stress = stress_outputs(halves.mechanical.blocks, interface, scenario.own_meshes)
         # fault: nobody asks what has flowed -> flowed: list[str] = [] | coupler/test_trust_contact_ends
         flowed = contact_ends.outputs(halves.mechanical.blocks, stress)
-        # fault: nobody asks the strains that are probed -> strain: list[str] = [] | coupler/test_trust_peak_strain
-        strain = strain_outputs(halves.mechanical.blocks, stress, scenario.probes)
+        # fault: nobody asks the strains that are probed -> strain: list[str] = [] | coupler/test_trust_cell_probes
+        strain = cell_probes.STRAIN.outputs(halves.mechanical.blocks, scenario.probes) if stress else []
         self._of_stress = {"mechanical": list(dict.fromkeys([*stress, *flowed, *strain]))}
+        # fault: nobody asks the fluxes that are probed -> fluxes: list[str] = [] | coupler/test_trust_cell_probes
+        fluxes = cell_probes.FLUX.outputs(halves.thermal.blocks, scenario.probes)
+        self._of_fluxes = {"thermal": [] if "thermal" in scenario.own_meshes else fluxes}
         self._of_extremes = extreme_outputs(halves.thermal.blocks)
         # Nobody else needs to know in every window.
         of_T = any(probe.quantity == "T" for probe in scenario.probes.values())
@@ -221,7 +223,7 @@ class Observer:
 
     def _look(self, framed: bool) -> Look:
         """Read what is recorded of a window, and of a frame if there is one."""
-        more = (self.outputs.frame_names, self._of_mesh, self._of_stress) if framed else ()
+        more = (self.outputs.frame_names, self._of_mesh, self._of_stress, self._of_fluxes) if framed else ()
         return Look(self._both, together(self._each_window, *more))
 
     def _look_at_mesh(self, look: Look, now: Level) -> None:
@@ -233,6 +235,8 @@ class Observer:
         # fault: nobody holds the stress of cells against that at nodes -> if False: | coupler/test_trust_peak_stress
         if stress:
             self.trust = self._watch.looked_at_stress(self.trust, look.read("mechanical", stress), now)
+        if fluxes := self._of_fluxes["thermal"]:
+            self.trust = self._watch.looked_at_fluxes(self.trust, look.read("thermal", fluxes), now.t)
 
     def _look_at_equilibrium(self, look: Look, t: float, at_end: bool) -> None:
         """Ask the mechanical half now and then whether its equilibrium is stable."""

@@ -150,9 +150,10 @@ class PeakStress:
         smooth, straight = (fit.of(stress)[self._row_of] for fit in self._fits)
         return smooth, straight
 
-    def fits_all(self, nodes: NDArray[np.integer]) -> bool:
-        """Whether fields can be fitted at these nodes, all of a body that holds its shape by its stress."""
-        return self._body_of(nodes) in self._solid and bool((self._known[0] & ~self._known[1])[nodes].all())
+    def fits_all(self, nodes: NDArray[np.integer], bears: bool = True) -> bool:
+        """Whether fields can be fitted at these nodes.  bears : all of a body that holds its shape by its stress."""
+        known, along = self._known
+        return (not bears or self._body_of(nodes) in self._solid) and bool((known & ~along)[nodes].all())
 
     def checks(self, log: PeakLog, bearing: Mapping[str, bool], nothing: float) -> tuple[Check, ...]:
         """Return the check at the end, none where no half tells its stress.

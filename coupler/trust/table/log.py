@@ -9,6 +9,7 @@ from coupler.trust.checks import Check, measured
 from coupler.trust.in_space import (
     across,
     carried,
+    cell_probes,
     contact_ends,
     contact_pressure,
     extremes,
@@ -16,7 +17,6 @@ from coupler.trust.in_space import (
     heat_mesh,
     mesh,
     moved,
-    peak_strain,
     peak_stress,
     probed,
 )
@@ -67,7 +67,8 @@ class TrustLog:
     across: across.AcrossLog = field(default_factory=across.AcrossLog)
     mesh: mesh.MeshLog = field(default_factory=mesh.MeshLog)
     peak_stress: peak_stress.PeakLog = field(default_factory=peak_stress.PeakLog)
-    peak_strain: peak_strain.StrainLog = field(default_factory=peak_strain.StrainLog)
+    strains: cell_probes.CellLog = field(default_factory=cell_probes.CellLog)
+    fluxes: cell_probes.CellLog = field(default_factory=cell_probes.CellLog)
     contact_pressure: contact_pressure.PressureLog = field(default_factory=contact_pressure.PressureLog)
     contact_ends: contact_ends.EndLog = field(default_factory=contact_ends.EndLog)
     heat_mesh: heat_mesh.HeatMeshLog = field(default_factory=heat_mesh.HeatMeshLog)

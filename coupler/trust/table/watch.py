@@ -23,6 +23,7 @@ from coupler.trust.in_space import (
     across,
     at_nodes,
     carried,
+    cell_probes,
     contact_ends,
     contact_pressure,
     extremes,
@@ -30,7 +31,6 @@ from coupler.trust.in_space import (
     heat_mesh,
     mesh,
     moved,
-    peak_strain,
     peak_stress,
     probed,
 )
@@ -102,7 +102,8 @@ class TrustWatch:
                          if of_heat.get(pair.name)]
         self._peak_stress = peak_stress.PeakStress(interface, models["mechanical"], probed or {})
         self._probed = dict(probed or {})
-        self._peak_strain = peak_strain.PeakStrain(interface, self._probed, self._peak_stress)
+        self._strains, self._fluxes = (cell_probes.CellProbes(kind, interface, self._probed, self._peak_stress)
+                                       for kind in (cell_probes.STRAIN, cell_probes.FLUX))
         self._pressed = contact_pressure.ContactPressure(interface, self._probed, self._peak_stress)
         self._ends = contact_ends.ContactEnds(interface, models["mechanical"])
         self._tables = tables.MaterialTables(interface, models)
@@ -200,12 +201,16 @@ class TrustWatch:
     def looked_at_stress(self, log: TrustLog, told: Mapping[str, Array], now: Level) -> TrustLog:
         """Return the log after a look at the stress.
 
-        told : outputs of the mechanical half by name, of peak_stress.py [Pa], peak_strain.py and contact_ends.py [1].
+        told : outputs of the mechanical half by name, of peak_stress.py [Pa], cell_probes.py and contact_ends.py [1].
         """
         return replace(log, peak_stress=self._peak_stress.watched(log.peak_stress, told, now.t),
-                       peak_strain=self._peak_strain.watched(log.peak_strain, told, now.t),
+                       strains=self._strains.watched(log.strains, told, now.t),
                        contact_pressure=self._pressed.watched(log.contact_pressure, told[peak_stress.STRESS], now),
                        contact_ends=self._ends.watched(log.contact_ends, told, now))
+
+    def looked_at_fluxes(self, log: TrustLog, told: Mapping[str, Array], t: float) -> TrustLog:
+        """Return the log after a look at t [s].  told : outputs of the thermal half, of cell_probes.py [W/m2]."""
+        return replace(log, fluxes=self._fluxes.watched(log.fluxes, told, t))
 
     def wants_extremes(self, log: TrustLog, at_end: bool, t: float, event: float, end: float) -> bool:
         """Whether to ask the thermal half for what its mesh does to extremes.  The rest is as of `extremes.due`."""
@@ -268,11 +273,12 @@ class TrustWatch:
             *extremes.checks(log.extremes, log.temperatures.own_span, self._slight.get("K", 0.0)),
             *fronts.checks(log.fronts, self._slight.get("K", 0.0)),
             *probed.checks(log.probed, self._probes, {"K": self._slight.get("K", 0.0)}),
+            *self._fluxes.checks(log.fluxes),
             *moved.checks(log.moved, self._probes, self._nothing),
             *mesh.checks(log.mesh),
             *self._peak_stress.checks(log.peak_stress, mesh.bears(log.mesh) if log.mesh.energy else
                                       dict.fromkeys(self._interface.bodies, True), self._nothing.get("Pa", 0.0)),
-            *self._peak_strain.checks(log.peak_strain),
+            *self._strains.checks(log.strains),
             *self._pressed.checks(log.contact_pressure, self._nothing.get("Pa", 0.0)),
             *self._ends.checks(log.contact_ends),
             *across.checks(log.across, log.temperatures.span),
