@@ -13,55 +13,13 @@ from contact.half.functions import CellQuadrature, table_of
 from contact.half.gradients import shape_gradients
 from contact.half.interface import Interface
 from contact.half.linalg import Pattern, pattern_of
-from thermal_fmu.kernels import (
-    add_conduction,
-    add_conduction_tensor,
-    at_points,
-    turn_of,
-)
+from thermal_fmu.kernels import add_conduction, add_conduction_tensor, add_secant, turn_of
 from thermal_fmu.phase_change import NodalFields
-from thermal_fmu.problem import Conductivity, ThermalBody
+from thermal_fmu.potentials import flows, potential
+from thermal_fmu.problem import ThermalBody
 from thermal_fmu.surface_terms import at_nodes
 
 Floats = NDArray[np.float64]
-
-
-@dataclass(frozen=True)
-class Tensors:
-    """Conductivity tensors at quadrature points, with their derivatives by temperature and by solid fraction.
-
-    K, dK, dK_f : (ne, nq, 3), components xx, xy, yy of k [W/mK], dk/dT [W/mK2], dk/df_s [W/mK].
-    principal : (ne, nq) values of k_1, and of k_2 where there is one [W/mK].
-    """
-
-    K: Floats
-    dK: Floats
-    dK_f: Floats
-    principal: tuple[Floats, ...]
-
-
-def tensors(k: Conductivity, T: Floats, f_s: Floats | None, turn: Floats | None) -> Tensors:
-    """Evaluate the conductivity tensor K = k_1 a a' + k_2 b b', a at angle + turn to x and b across it.
-
-    T : (ne, nq) [K].  f_s : (ne, nq) solid fraction [1]; None: solid.  turn : (ne, nq) of the material [rad]; None: not
-    turned.
-    """
-    first = k.k_1(T, f_s)
-    by_T, by_f = k.k_1.slope(T, f_s), k.k_1.phase_slope(T)
-    if k.k_2 is None:
-        K, dK, dK_f = (np.stack([v, np.zeros(v.shape), v], axis=-1) for v in (first, by_T, by_f))
-        return Tensors(K, dK, dK_f, (first,))
-    second = k.k_2(T, f_s)
-    # fault: axes turn the other way -> angle = k.angle if turn is None else k.angle - turn |
-    #   thermal_fmu/test_thermal_anisotropy::test_axes_turn_with_the_material
-    angle = k.angle if turn is None else k.angle + turn
-    c, s = np.cos(angle), np.sin(angle)
-    pairs = ((first, second), (by_T, k.k_2.slope(T, f_s)), (by_f, k.k_2.phase_slope(T)))
-    # fault: skewed axes without their skew -> K, dK, dK_f = (np.stack([v * c * c + w * s * s, -(v - w) * c * s, v * s *
-    #   s + w * c * c], axis=-1) | thermal_fmu/test_thermal_anisotropy::test_a13_patch_with_skewed_axes
-    K, dK, dK_f = (np.stack([v * c * c + w * s * s, (v - w) * c * s, v * s * s + w * c * c], axis=-1)
-                   for v, w in pairs)
-    return Tensors(K, dK, dK_f, (first, second))
 
 
 Ints = NDArray[np.int32]
@@ -274,34 +232,39 @@ def conduct(volume: CellMesh, shapes: Sequence[CellGeometry], parts: Sequence[Th
             _conduct_tensor(block, shape, parts[block.part], at, f, replace(into, data=data))
             continue
         k = material.k.k_1.solid
-        # fault: lagged conductivity -> T_q = at_points(np.zeros_like(at.T) + 3.0, block.cells, block.table.N) |
+        # fault: lagged conductivity -> by = potential(k, block, np.zeros_like(at.T) + 3.0) |
         #   thermal_fmu/test_thermal_nonlinear
-        T_q = np.empty(shape.dV.shape) if k.is_constant else at_points(at.T, block.cells, block.table.N)
-        k_q = k(T_q)
-        if not k.is_constant:
-            _check_positive("conductivity", k_q, block, parts[block.part].name)
-        # fault: derivative of k forgotten -> dk = 0.0 * shape.dC | thermal_fmu/test_thermal_nonlinear
-        dk = 0.0 * shape.dC if into.secant else k.slope(T_q) * shape.dC
-        add_conduction(at.T, block.cells, block.table.N, shape.G, k_q * shape.dC, dk, f, block.slots, into.slope, data)
+        by = potential(k, block, at.T)
+        w = (1.0 if k.constant is None else k.constant) * shape.dC
+        if by.k is not None:
+            _check_positive("conductivity", by.k, block, parts[block.part].name)
+        # fault: derivative of k forgotten -> k_n = np.full(by.U.shape, 1.0 if by.k is None else by.k.mean()) |
+        #   thermal_fmu/test_thermal_nonlinear
+        k_n = np.ones(by.U.shape) if by.k is None else by.k
+        secant = into.secant and by.k is not None
+        add_conduction(by.U, block.cells, shape.G, w, k_n, f, block.slots, into.slope, data[:0] if secant else data)
+        if secant and data.size:
+            add_secant(at.T, block.cells, shape.G, w[:, :, None] * np.array([1.0, 0.0, 1.0]), by.U, k_n, block.slots,
+                       into.slope, data)
 
 
 def _conduct_tensor(block: CellBlock, shape: CellGeometry, body: ThermalBody, at: NodalFields, f: Floats,
                     into: MatrixEntries) -> None:
-    N = block.table.N
-    T_q = at_points(at.T, block.cells, N)
-    f_q = None if at.f_s is None else at_points(at.f_s, block.cells, N)
-    k = tensors(body.material.k, T_q, f_q, shape.turn)
-    for k_q in k.principal:
-        _check_positive("conductivity", k_q, block, body.name)
     dT = np.ones(at.T.size) if at.dT is None or into.secant else at.dT
-    df = np.zeros(at.T.size) if at.df is None else at.df
+    df = np.zeros(at.T.size) if at.df is None or into.secant else at.df
     dV = shape.dC[:, :, None]
-    changes = dV * (0.0 if into.secant else 1.0)
-    # fault: the derivative of a tensor left out -> add_conduction_tensor(at.T, block.cells, N, shape.G, k.K * dV, 0.0 *
-    #   k.dK * changes, k.dK_f * changes, dT, df, f, |
-    #   thermal_fmu/test_thermal_newton::test_newton_is_quadratic_on_smooth_problems
-    add_conduction_tensor(at.T, block.cells, N, shape.G, k.K * dV, k.dK * changes, k.dK_f * changes, dT, df, f,
-                          block.slots, into.slope, into.data)
+    for flow in flows(body.material.k, block, at.T, at.f_s, shape.turn):
+        k_n = np.ones(flow.by.U.shape) if flow.by.k is None else flow.by.k
+        _check_positive("conductivity", k_n, block, body.name)
+        secant = into.secant and flow.by.k is not None
+        # fault: the derivative of a tensor left out -> add_conduction_tensor(flow.by.U, block.cells, block.table.N,
+        #   shape.G, flow.K * dV, flow.K_f * dV, k_n.mean() * dT[block.cells], df, f, block.slots, into.slope,
+        #   into.data) | thermal_fmu/test_thermal_newton::test_newton_is_quadratic_on_smooth_problems
+        add_conduction_tensor(flow.by.U, block.cells, block.table.N, shape.G, flow.K * dV, flow.K_f * dV,
+                              k_n * dT[block.cells], df, f, block.slots, into.slope,
+                              into.data[:0] if secant else into.data)
+        if secant and into.data.size:
+            add_secant(at.T, block.cells, shape.G, flow.K * dV, flow.by.U, k_n, block.slots, into.slope, into.data)
 
 
 def store(volume: CellMesh, references: Sequence[ReferenceCells], parts: Sequence[ThermalBody], s0: Floats, s: Floats,

@@ -31,7 +31,7 @@ from numpy.typing import NDArray
 from contact.half.model import Value, Variable
 from thermal_fmu import phase_change
 from thermal_fmu.cells import CellBlock, CellGeometry
-from thermal_fmu.flux import conductivity
+from thermal_fmu.flux import conductivity, flowing
 from thermal_fmu.kernels import add_surface, add_to_nodes, between_fluxes, flux_at_points, held_up, of_bodies
 from thermal_fmu.phase_change import NodalFields
 from thermal_fmu.scene import ThermalScene
@@ -166,8 +166,10 @@ class MeshError:
         return so_far.plus(np.divide(missed * step.h, heat, out=np.zeros_like(heat), where=heat > 0.0), heat)
 
     def _flux(self, block: CellBlock, shape: CellGeometry, x: Floats, at: NodalFields) -> _Flux:
-        K = conductivity(self._scene.model.parts[block.part].material.k, block, shape, at)
-        return _Flux(flux_at_points(x, at.T, block.cells, block.table.dN, K), K, shape.dV)
+        k = self._scene.model.parts[block.part].material.k
+        parts = flowing(k, block, shape, at)
+        q = np.sum([flux_at_points(x, U, block.cells, block.table.dN, K) for U, K in parts], axis=0)
+        return _Flux(q, conductivity(k, block, shape, at), shape.dV)
 
     def _inside(self, fluxes: Sequence[_Flux]) -> Floats:
         """(n_bodies,) [W K] between the fluxes of the blocks and those recovered at nodes, part by part."""

@@ -113,9 +113,9 @@ def balance(problem: StageProblem, s: Floats, jacobian: bool) -> StageBalance:
     stored = np.zeros(len(model.bodies))
     if problem.stores:
         stored = scene.bulk.store(substep, problem.s_n, s, S, into)
-    # fault: conductivity of the start of the step -> import thermal_fmu.cells as lagging; right = lagging.at_points;
-    #   lagging.at_points = lambda T, cells, N: right(problem.s_n, cells, N); scene.bulk.conduct(substep, at, f, into);
-    #   lagging.at_points = right | thermal_fmu/test_thermal_order
+    # fault: conductivity of the start of the step -> import thermal_fmu.cells as lagging; right = lagging.potential;
+    #   lagging.potential = lambda k, block, T: right(k, block, problem.s_n); scene.bulk.conduct(substep, at, f, into);
+    #   lagging.potential = right | thermal_fmu/test_thermal_order
     scene.bulk.conduct(substep, at, f, into)
     if substep.added is not None:
         substep.added.conduct(at.T, at.dT, f, MatrixEntries(data, slope))

@@ -17,7 +17,7 @@ import contact.half.functions
 import coupler.scenario.problems
 import coupler.scenario.scene
 import mechanical_fmu.masses
-import thermal_fmu.cells
+import thermal_fmu.potentials
 from contact.problem import laws
 from contact.problem.mechanical import ElasticBoundary, Motion
 from contact.problem.part import Part
@@ -107,8 +107,8 @@ def _weight_along_y_only(patch: Patch) -> None:
 
 
 def _axes_always_anticlockwise(patch: Patch) -> None:
-    right = thermal_fmu.cells.tensors
-    patch.setattr(thermal_fmu.cells, "tensors",
+    right = thermal_fmu.potentials.directions
+    patch.setattr(thermal_fmu.potentials, "directions",
                   lambda k, *more: right(replace(k, angle=k.angle % (0.5 * np.pi)), *more))
 
 

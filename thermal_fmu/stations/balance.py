@@ -188,16 +188,25 @@ def _conduct(substep: StationSubstep, at: NodalFields, scale: float, band: Float
         k = body.material.k.k_1
         if k.is_constant:
             kA = float(k.solid(at.T[:1])[0]) * piece.conducts
-            add_rod_slopes(own, add_rod_conduction(at.T, own, N, kA, np.zeros(kA.shape), f), dT, scale, band)
+            add_rod_slopes(own, add_rod_conduction(at.T, own, kA, f), dT, scale, band)
             continue
-        T = rod_points(at.T, own, N)
-        f_s = None if at.f_s is None or k.is_one else rod_points(at.f_s, own, N)
-        kA = _positive("conductivity", k(T, f_s), body) * piece.conducts
-        slope = add_rod_conduction(at.T, own, N, kA, k.slope(T, f_s) * piece.conducts, f)
+        # Heat flows down the integral of k over temperature, as in cells (thermal_fmu/potentials.py).
+        left, right = at.T[own[:-1]], at.T[own[1:]]
+        f_s = np.ones(piece.conducts.shape) if at.f_s is None or k.is_one else rod_points(at.f_s, own, N)
+        drop, slope = np.zeros(left.size), np.zeros((left.size, 2))
+        for phase, share in ((k.solid, f_s), (k.liquid, 1.0 - f_s))[:1 if k.is_one else 2]:
+            A = (share * piece.conducts).sum(axis=1)
+            # fault: a rod conducts by the mean temperature of a piece -> drop += A * phase(0.5 * (left + right)) *
+            #   (left - right) | thermal_fmu/test_steep_conductivity
+            drop += A * phase.increase(right, left)
+            slope += A[:, None] * np.stack([_positive("conductivity", phase(left), body),
+                                            -_positive("conductivity", phase(right), body)], axis=1)
+        f[own[:-1]] -= drop
+        f[own[1:]] += drop
         add_rod_slopes(own, slope, dT, scale, band)
-        if f_s is not None and at.df is not None:
-            drop = at.T[own[:-1]] - at.T[own[1:]]
-            add_rod_slopes(own, (k.phase_slope(T) * piece.conducts) @ N * drop[:, None], at.df, scale, band)
+        if not k.is_one and at.df is not None:
+            between = k.solid.increase(right, left) - k.liquid.increase(right, left)
+            add_rod_slopes(own, (piece.conducts @ N) * between[:, None], at.df, scale, band)
     return f
 
 

@@ -235,23 +235,20 @@ def rod_points(values: Floats, own: Ints, N: Floats) -> Floats:
 
 
 @kernel
-def add_rod_conduction(T: Floats, own: Ints, N: Floats, kA: Floats, dkA: Floats, f: Floats) -> Floats:
-    """Add conduction: f -= the heat that leaves each station.
+def add_rod_conduction(T: Floats, own: Ints, kA: Floats, f: Floats) -> Floats:
+    """Add conduction by a constant k: f -= the heat that leaves each station.
 
-    T : (n,) [K].  own : (m + 1,).  N : (2, 2).  kA, dkA : (m, 2) conductance and its derivative by temperature at Gauss
-    points [W/K, W/K2].  f : (n,) [W].  Returns (m, 2) derivatives by T of the heat of each piece [W/K].
+    T : (n,) [K].  own : (m + 1,).  kA : (m, 2) conductance at Gauss points [W/K].  f : (n,) [W].  Returns (m, 2)
+    derivatives by T of the heat of each piece [W/K].
     """
     m = own.size - 1
     slope = np.empty((m, 2))
     for e in range(m):
-        drop = T[own[e]] - T[own[e + 1]]
         G = kA[e, 0] + kA[e, 1]
-        f[own[e]] -= G * drop
-        f[own[e + 1]] += G * drop
-        for i in range(2):
-            slope[e, i] = (dkA[e, 0] * N[0, i] + dkA[e, 1] * N[1, i]) * drop
-        slope[e, 0] += G
-        slope[e, 1] -= G
+        flow = G * (T[own[e]] - T[own[e + 1]])
+        f[own[e]] -= flow
+        f[own[e + 1]] += flow
+        slope[e, 0], slope[e, 1] = G, -G
     return slope
 
 
