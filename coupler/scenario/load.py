@@ -35,6 +35,7 @@ from coupler.scenario.mesh import mesh_path
 from coupler.scenario.notes import contact_notes, mean_T0, scaled_temperatures, sign_notes, thermal_notes
 from coupler.scenario.own_mesh import OwnMesh, own_mesh_of
 from coupler.scenario.plausible import unlikely, unlikely_text
+from coupler.scenario.plausible_flow import unlikely_creep
 from coupler.scenario.plausible_laws import unlikely_laws
 from coupler.scenario.plausible_loads import unlikely_loads
 from coupler.scenario.probes import Probe, probe_notes, probes_of
@@ -137,6 +138,7 @@ class Scenario:
             found += unlikely(self.stated, self.interface, self.units)
             found += unlikely_loads(self.stated, self.units)
             found += unlikely_laws(self.stated, self.units)
+            found += unlikely_creep(self.stated)
         found += lost_heat(self.models["mechanical"], self.coupling.scheme)
         found += held_capacity(self.models["mechanical"], self.models["thermal"],
                                mean_T0(self.models["thermal"], self.interface))

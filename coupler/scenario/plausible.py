@@ -54,6 +54,17 @@ USUAL = {
     "alpha": Usual(0.0, 1e-3, "1/K", {"1e-6/K": 1e-6}),
     "latent.L": Usual(500.0, 1e7, "J/kg", {"kJ/kg": 1e3}),
     "plastic.s_y": Usual(1e3, 1e11, "Pa", STRESS),
+    "plastic.hardening.stress": Usual(1e3, 1e11, "Pa", STRESS),
+    "plastic.hardening.Q": Usual(1e3, 1e11, "Pa", STRESS),
+    # From rubbers to what hardens as it stretches.  Of K the unit has the seconds of the file, which are seconds.
+    # fault: what hardens by 1000 Pa is taken for what it says -> "plastic.hardening.H": Usual(0.0, 1e13, "Pa", STRESS),
+    #   | coupler/test_scenario_plausible_flow
+    "plastic.hardening.H": Usual(1e5, 1e13, "Pa", STRESS),
+    "plastic.kinematic.C": Usual(1e5, 1e14, "Pa", STRESS),
+    "plastic.overstress.K": Usual(1e3, 1e12, "Pa", STRESS),
+    "creep.K": Usual(1e2, 1e13, "Pa", STRESS),
+    "creep.Q": Usual(3e3, 3e6, "J/mol", {"kJ/mol": 1e3}),  # hydrogen bonds to a hundred times those of metals
+    "liquid.bulk": Usual(1e6, 1e12, "Pa", STRESS),
 }
 SOLID_RHO = 12.0  # kg/m3; a solid is no lighter
 DENSE, DENSE_E = 1500.0, 1e7  # kg/m3, Pa: what is denser than foams, gels and rubbers is stiffer than they are, too
@@ -171,10 +182,13 @@ def _above(material: Material, key: str, least: float) -> bool:
 
 def _values(material: Material, key: str) -> Iterator[list[float]]:
     """The values of a property, a list for each of its parts (directions, states)."""
-    part, _, name = key.rpartition(".")
-    holder = getattr(material, part) if part else material
-    for _, spec in properties_in(None if holder is None else getattr(holder, name), ()):
-        if isinstance(spec, PropertyTable):
+    holder: Any = material
+    for name in key.split("."):
+        holder = getattr(holder, name, None)
+    for _, spec in properties_in(holder, ()):
+        if isinstance(spec, tuple):  # of a table of hardening: a list, or one for each temperature
+            yield [v for v in np.ravel(np.array(spec, dtype=float)).tolist() if v != 0.0]
+        elif isinstance(spec, PropertyTable):
             yield [v for v in spec.value if v != 0.0]
         else:
             # Of a polynomial what it has where its argument is 0.

@@ -18,6 +18,8 @@ LENGTHS = {"um": 1e-6, "mm": 1e-3}
 # Rubber to diamond; polished to sand-cast; of gases at a low pressure jump distances are long; gases, liquids, pastes.
 HARDNESS = Usual(1e5, 2e11, "Pa", {"GPa": 1e9, "MPa": 1e6})
 ROUGHNESS = Usual(1e-10, 1e-3, "m", LENGTHS)
+# Of what is bonded; a metre of foam has 40 m2K/W.
+RESISTANCE = Usual(0.0, 50.0, "m2K/W", {"mm2K/W": 1e-6, "cm2K/W": 1e-4})
 JUMP, GAS_K = Usual(1e-10, 1.0, "m", LENGTHS), Usual(1e-4, 12.0, "W/mK", {"mW/mK": 1e-3})
 
 
@@ -28,10 +30,10 @@ def unlikely_laws(stated: ScenarioFile, units: UnitSystem | None) -> list[str]:
     """
     notes = []
     for name, pair in stated.contact.items():
-        laws = pair.conduction
-        if laws is None:
-            continue
-        found = [*_numbers(laws.closed, pressed=True), *_numbers(laws.open, pressed=False)]
+        laws, R = pair.conduction, pair.resistance
+        found = [] if R is None else [("resistance", R, RESISTANCE)]
+        if laws is not None:
+            found += [*_numbers(laws.closed, pressed=True), *_numbers(laws.open, pressed=False)]
         # fault: laws of conductance mean what they say -> odd: list[str] = [] | coupler/test_scenario_plausible_laws
         odd = [told_as(key, value, usual, units) for key, value, usual in found if not usual.holds(value)]
         if odd:

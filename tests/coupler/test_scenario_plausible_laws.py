@@ -56,3 +56,20 @@ def test_in_a_file_in_mm_and_MPa_numbers_are_its_own() -> None:
     assert notes(POWER | {"p0": 10}, units=units) == []
     (note,) = notes(POWER, units=units)
     assert "p0 is 1e+07 MPa (in Pa it would be usual)" in note
+
+
+def test_a_resistance_in_mm2_is_told() -> None:
+    def told(R: float) -> list[str]:
+        scene = scenario_from(json.dumps({
+            "slideline": 2, "units": {"temperature": "K"}, "geometry": "plane",
+            "materials": {"m": {"rho": 7800, "c": 500, "k": 50}},
+            "bodies": {name: {"mesh": {"rectangle": {"origin": [0, y], "size": [1, 1], "cells": [1, 1]}},
+                              "material": "m", "T0": 300} for name, y in (("one", 0.0), ("two", 1.0))},
+            "contact": {"face": {"slave": "two.bottom", "master": "one.top", "gap_max": 0.1, "tied": True,
+                                 "resistance": R}},
+            "thermal": {}, "mechanical": {"half": "rigid"}, "coupling": {"end": 1}}), Path("scene.yaml"), {})
+        return [note for note in scene.notes if "resistance" in note]
+
+    assert told(1e-4) == told(5.0) == []
+    (note,) = told(100.0)
+    assert "resistance is 100 m2K/W (in mm2K/W it would be 0.0001)" in note

@@ -135,9 +135,9 @@ def test_order_in_space(triangles, name):
     """T = x^2 + 2 y^2 + t with k = 1 + T on crooked quads and triangles; walls and sources are fields.
 
     Q_T = 1 - div(k grad T) = 1 - 6 (1 + x^2 + 2 y^2 + t) - 4 x^2 - 16 y^2; the steady state is that of t = 0.  In time
-    T is linear, so what is seen is the error in space alone.  Cells take the integral of k linear between nodes: of this
-    solution, whose T and not that is a parabola, they are 1.2 (quads) to 1.5 times (triangles) as far as those that take
-    T linear; where nothing is made inside it is the other way round (test_steep_conductivity).
+    T is linear, so what is seen is the error in space alone.  Cells take the integral of k linear between nodes: of
+    this solution, whose T and not that is a parabola, they are 1.2 (quads) to 1.5 times (triangles) as far as those
+    that take T linear; where nothing is made inside it is the other way round (test_steep_conductivity).
     """
     rate = 0.0 if name == "steady" else 1.0
     since = {"t": [0, 10], "value": [0.0, 10.0 * rate]}
