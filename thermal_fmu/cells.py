@@ -257,12 +257,11 @@ def _conduct_tensor(block: CellBlock, shape: CellGeometry, body: ThermalBody, at
         k_n = np.ones(flow.by.U.shape) if flow.by.k is None else flow.by.k
         _check_positive("conductivity", k_n, block, body.name)
         secant = into.secant and flow.by.k is not None
-        # fault: the derivative of a tensor left out -> add_conduction_tensor(flow.by.U, block.cells, block.table.N,
-        #   shape.G, flow.K * dV, flow.K_f * dV, k_n.mean() * dT[block.cells], df, f, block.slots, into.slope,
-        #   into.data) | thermal_fmu/test_thermal_newton::test_newton_is_quadratic_on_smooth_problems
-        add_conduction_tensor(flow.by.U, block.cells, block.table.N, shape.G, flow.K * dV, flow.K_f * dV,
-                              k_n * dT[block.cells], df, f, block.slots, into.slope,
-                              into.data[:0] if secant else into.data)
+        # fault: the derivative of a tensor left out -> by_s = k_n.mean() * dT[block.cells] |
+        #   thermal_fmu/test_thermal_newton::test_newton_is_quadratic_on_smooth_problems
+        by_s = k_n * dT[block.cells]
+        add_conduction_tensor(flow.by.U, block.cells, block.table.N, shape.G, flow.K * dV, flow.K_f * dV, by_s, df, f,
+                              block.slots, into.slope, into.data[:0] if secant else into.data)
         if secant and into.data.size:
             add_secant(at.T, block.cells, shape.G, flow.K * dV, flow.by.U, k_n, block.slots, into.slope, into.data)
 
