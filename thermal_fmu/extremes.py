@@ -36,8 +36,9 @@ from contact.half.linalg import SingularMatrixError
 from contact.half.model import Value, Variable
 from contact.messages import Facing
 from thermal_fmu import phase_change
+from thermal_fmu.boundary import through_prescribed
 from thermal_fmu.cells import BadPropertyError, InvertedMeshError, MatrixEntries, shapes_of
-from thermal_fmu.conditions import NamedHeat, named_heats
+from thermal_fmu.conditions import named_heats
 from thermal_fmu.contact_quadrature import ContactPoints, contact_points
 from thermal_fmu.earlier import Earlier
 from thermal_fmu.elsewhere import TemperatureCourse
@@ -171,12 +172,7 @@ def halved_variables(interface: Interface, model: Model, melting: Sequence[Melti
             Variable(f"{HALVED}T_mean", (n,), unit="K", on="nodes", description=f"temperature: {told}, such that its "
                      "means over bodies and over cells are right"), *(melts if melting else ()),
             *(replace(heat.variable, name=HALVED + heat.variable.name, description=f"{heat.description}: {told}")
-              for heat in _heats(interface, model)))
-
-
-def _heats(interface: Interface, model: Model) -> list[NamedHeat]:
-    """Those of which a balance tells without the residual of fixed nodes."""
-    return [heat for heat in named_heats(interface, model) if min(map(min, heat.rows)) >= len(model.prescribed)]
+              for heat in named_heats(interface, model)))
 
 
 @dataclass(frozen=True)
@@ -184,8 +180,7 @@ class _Solved:
     """What a half has, on straight lines, and what halved cells make of it.
 
     before, after : (n_halved,) each.  T : (n_halved,) [K] after, with what is left of what flowed otherwise before
-    (surplus.py).  sizes : (n_halved,) of nodes, in any unit.  heat : (n_heats,) [J] that flows more with halved cells,
-    of prescribed temperatures nothing.
+    (surplus.py).  sizes : (n_halved,) of nodes, in any unit.  heat : (n_heats,) [J] that flows more with halved cells.
     """
 
     before: NodalFields
@@ -202,7 +197,7 @@ class HalvedScene:
                  melting: Sequence[Melting]) -> None:
         """spec : content of model.json, model : what that says.  bodies : as extreme_variables has them."""
         self._interface, self._spec, self._bodies, self._melting = interface, spec, bodies, melting
-        self._heats = _heats(interface, model)
+        self._heats = named_heats(interface, model)
         self._extremes = tuple(v.name for v in extreme_variables(interface, bodies))
         others = halved_variables(interface, model, melting)
         self.unknown: dict[str, Value] = dict.fromkeys(self._extremes, UNKNOWN)
@@ -310,14 +305,30 @@ class HalvedScene:
                          scene.bulk.capacities(substep, done.linear.s), scene.fixed)
             whole = done.s + surplus(own, self._halved.P, sizes, more)
             at_whole = balance(problem, whole, jacobian=False)
-        each, before = at_whole.each, balance(problem, s, jacobian=False).each
-        more_heat = end.grown * (each - before)
+        each, at_before = at_whole.each, balance(problem, s, jacobian=False)
+        more_heat = end.grown * (each - at_before.each)
         # fault: heat that is no more with smaller cells is told by what iterations leave -> slight = 0.0 |
         #   thermal_fmu/test_extremes
-        slight = LEFT * end.grown * float(np.abs(each).sum())
-        heat = np.concatenate([np.zeros(len(model.prescribed)), np.where(np.abs(more_heat) > slight, more_heat, 0.0)])
+        held = self._through_held(end, sizes, at_before.R + kept, at_whole.R)
+        slight = LEFT * (end.grown * float(np.abs(each).sum()) + float(np.abs(at_whole.R[scene.fixed]).sum()))
+        more_heat = np.concatenate([held, more_heat])
+        heat = np.where(np.abs(more_heat) > slight, more_heat, 0.0)
         return _Solved(phase_change.fields(scene.melting, s), phase_change.fields(scene.melting, done.s),
                        phase_change.temperature(scene.melting, whole), sizes, heat)
+
+    def _through_held(self, end: StepEnded, sizes: Floats, left: Floats, R: Floats) -> Floats:
+        """(n_prescribed,) [J] that halved cells bring more through each prescribed temperature.
+
+        What a node is held by is what it stores less what flows into it.  sizes : (n_halved,) capacities [J/K].  left :
+        (n_halved,) [J] what leaves the nodes while temperatures are on straight lines; P' of it leaves those of the
+        half.  R : (n_halved,) [J] as of StageBalance, with halved cells.
+        """
+        scene, of, P = self._scene, end.context.scene, self._halved.P
+        n = len(scene.model.prescribed)
+        half = P.T @ left + end.grown * (P.T @ sizes) * end.rate
+        # fault: what prescribed temperatures bring is right on any mesh -> return np.zeros(n) |
+        #   thermal_fmu/test_extremes
+        return through_prescribed(R[scene.fixed], scene.owners, n) - through_prescribed(half[of.fixed], of.owners, n)
 
     def _mechanical(self, end: StepEnded, x: Floats) -> Floats:
         """(n_cells,) [J] of halved cells, by their parts of the cell they are of."""
