@@ -325,10 +325,19 @@ class HalvedScene:
         """
         scene, of, P = self._scene, end.context.scene, self._halved.P
         n = len(scene.model.prescribed)
-        half = P.T @ left + end.grown * (P.T @ sizes) * end.rate
+        half = through_prescribed((P.T @ left + end.grown * (P.T @ sizes) * end.rate)[of.fixed], of.owners, n)
         # fault: what prescribed temperatures bring is right on any mesh -> return np.zeros(n) |
         #   thermal_fmu/test_extremes
-        return through_prescribed(R[scene.fixed], scene.owners, n) - through_prescribed(half[of.fixed], of.owners, n)
+        more = through_prescribed(R[scene.fixed], scene.owners, n) - half
+        before, now = (-through_prescribed(flow_at(end.context, s, end.t, end.h, -1).f[of.fixed], of.owners, n)
+                       for s in (end.s_n, end.s))
+        # Heat that comes to a far side has flowed for a part of that time: at the least for as long as it takes to grow
+        # to what it is, if the error grew as it did, at the most for all of it.  Between the two lies their mean.
+        growth = np.maximum((now - before) * np.sign(now), 0.0)
+        # fault: heat that has just come to a far side has flowed since all began -> flowed = np.full(n, end.grown) |
+        #   thermal_fmu/test_extremes
+        flowed = np.divide(np.abs(now) * end.h, growth, out=np.full(n, end.grown), where=growth > 0.0)
+        return np.asarray(more * np.sqrt(np.minimum(flowed / end.grown, 1.0)))
 
     def _mechanical(self, end: StepEnded, x: Floats) -> Floats:
         """(n_cells,) [J] of halved cells, by their parts of the cell they are of."""
