@@ -120,3 +120,21 @@ def test_emissivities_of_a_pair_are_asked_for_at_their_own_sides() -> None:
     assert check is not None
     assert check.number == pytest.approx(0.5)
     assert check.what.startswith("the table emissivity_master of pair slit")
+
+
+@pytest.mark.parametrize(("law", "share"), [
+    ({"law": "table", "variable": "T", "x": [300, 500], "h": [100, 900]}, 0.5),
+    ({"law": "sum", "of": [{"law": "constant", "h": 5},
+                           {"law": "table", "variable": "T", "x": [300, 600], "h": [100, 900]}]}, 0.0),
+    ({"law": "table", "x": [0, 1e6], "h": [100, 900]}, None), ({"law": "constant", "h": 10}, None)])
+def test_a_conductance_over_temperature_is_asked_at_the_mean_of_both_sides(law: dict[str, Any], share: float | None
+                                                                           ) -> None:
+    of = scene()
+    thermal = dict(of.models["thermal"])
+    thermal["pairs"] = {"slit": {"conduction": {"closed": law, "open": None}}}
+    check = told(replace(of, models=dict(of.models) | {"thermal": thermal}), (300.0, 300.0), (900.0, 300.0))
+    assert (check is None) is (share is None)
+    if check is not None:
+        assert check.number == pytest.approx(share)
+        assert ("conductance of pair slit goes from 300 to 500 K, but was read from 300 to 600 K" in check.what
+                ) is bool(share)

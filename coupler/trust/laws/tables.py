@@ -1,4 +1,4 @@
-"""Material tables over temperature: how far beyond their ends the temperatures of a run went.
+"""Tables over temperature, of materials and of conductance: how far beyond their ends the temperatures of a run went.
 
 A table keeps its last value beyond its ends (docs/scenario.md).  That may be what its author meant, so it is told and
 breaks nothing.  A property of the solid is not asked for above the solidus, one of the liquid not below the liquidus.
@@ -56,11 +56,12 @@ class TableLog:
 class MaterialTables:
     """The tables of a scene, and the nodes whose temperatures they are asked for.
 
-    nodes : of each place, a body, a region or a surface.  models : of the halves (model.json), SI and kelvin.
+    nodes : of each place, a body, a region or a surface; of a pair both sides, whose mean is asked for.
+    models : of the halves (model.json), SI and kelvin.
     """
 
     def __init__(self, interface: Interface, models: Mapping[str, Mapping[str, Any]]) -> None:
-        self.nodes: list[NDArray[np.int32]] = []
+        self.nodes: list[tuple[NDArray[np.int32], ...]] = []
         found: list[Table] = []
         for model in models.values():
             bodies = model.get("bodies", {})
@@ -79,6 +80,12 @@ class MaterialTables:
                               for t in _tables((condition.get(kind) or {}).get(key), f"{key} on {surface}", EVERYWHERE)]
                     found += self._placed(tables, np.unique(interface.surfaces[surface]).astype(np.int32))
             for pair in interface.pairs:
+                laws = (model.get("pairs", {}).get(pair.name) or {}).get("conduction") or {}
+                # fault: conductances over temperature end nowhere -> law_tables: list[Any] = [] |
+                #   coupler/test_trust_tables
+                law_tables = [t for key in ("closed", "open") for t in _of_law(laws.get(key), pair.name)]
+                found += self._placed(law_tables, *(np.unique(interface.surfaces[of]).astype(np.int32)
+                                                    for of in (pair.slave, pair.master)))
                 radiation = (model.get("pairs", {}).get(pair.name) or {}).get("radiation") or {}
                 # fault: emissivities of pairs end nowhere -> for side, surface in (): | coupler/test_trust_tables
                 for side, surface in (("slave", pair.slave), ("master", pair.master)):
@@ -87,8 +94,8 @@ class MaterialTables:
                     found += self._placed(own_tables, np.unique(interface.surfaces[surface]).astype(np.int32))
         self.tables = tuple(found)
 
-    def _placed(self, tables: list[tuple[str, Span, Span]], nodes: NDArray[np.int32]) -> Iterator[Table]:
-        if tables and len(nodes):
+    def _placed(self, tables: list[tuple[str, Span, Span]], *nodes: NDArray[np.int32]) -> Iterator[Table]:
+        if tables and all(map(len, nodes)):
             self.nodes.append(nodes)
             for what, (first, last), asked in tables:
                 yield Table(what, first, last, asked, len(self.nodes) - 1)
@@ -97,7 +104,8 @@ class MaterialTables:
         """Return the log after a level."""
         if not self.nodes:
             return log
-        low, high = (np.array([f(now.T[n]) for n in self.nodes]) for f in (np.min, np.max))
+        low, high = (np.array([np.mean([f(now.T[n]) for n in sides]) for sides in self.nodes])
+                     for f in (np.min, np.max))
         if log.low.size:
             low, high = np.minimum(low, log.low), np.maximum(high, log.high)
         return TableLog(low, high)
@@ -148,6 +156,16 @@ def _walk(value: Any, what: str, asked: Span, solid: Span, molten: Span) -> Iter
         for key, inner in value.items():
             of = solid if key == "solid" else molten if key == "liquid" else asked
             yield from _walk(inner, f"{what} ({key})", of, solid, molten)
+
+
+def _of_law(law: Mapping[str, Any] | None, pair: str) -> Iterator[tuple[str, Span, Span]]:
+    """The tables over temperature that a law of conductance is made of."""
+    if law is None:
+        return
+    if law.get("law") == "table" and law.get("variable") == "T":
+        yield f"conductance of pair {pair}", (float(law["x"][0]), float(law["x"][-1])), EVERYWHERE
+    for part in law.get("of", ()):
+        yield from _of_law(part, pair)
 
 
 def _tables(value: Any, what: str, asked: Span) -> Iterator[tuple[str, Span, Span]]:

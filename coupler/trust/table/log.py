@@ -25,6 +25,7 @@ from coupler.trust.laws import energy, equilibrium, solved, stored, tables, temp
 from coupler.trust.surfaces import (
     askew,
     facets,
+    gap_tables,
     passing,
     penetration,
     pressures,
@@ -64,6 +65,7 @@ class TrustLog:
     equilibrium: equilibrium.EquilibriumLog = field(default_factory=equilibrium.EquilibriumLog)
     tables: tables.TableLog = field(default_factory=tables.TableLog)
     pressures: pressures.PressureLog = field(default_factory=pressures.PressureLog)
+    gap_tables: gap_tables.GapLog = field(default_factory=gap_tables.GapLog)
     across: across.AcrossLog = field(default_factory=across.AcrossLog)
     mesh: mesh.MeshLog = field(default_factory=mesh.MeshLog)
     peak_stress: peak_stress.PeakLog = field(default_factory=peak_stress.PeakLog)

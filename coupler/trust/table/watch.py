@@ -41,6 +41,7 @@ from coupler.trust.laws import delivered, energy, equilibrium, solved, stored, t
 from coupler.trust.surfaces import (
     askew,
     facets,
+    gap_tables,
     passing,
     penetration,
     pressures,
@@ -108,6 +109,7 @@ class TrustWatch:
         self._ends = contact_ends.ContactEnds(interface, models["mechanical"])
         self._tables = tables.MaterialTables(interface, models)
         self._pressures = pressures.PressureTables(interface, models["thermal"])
+        self._gap_tables = gap_tables.GapTables(interface, models["thermal"])
         self._stored = stored.StoredHeat(interface, models["thermal"], "thermal" in self._own_meshes,
                                          ignored)
         self._placed = skipped.PlacedData(interface, models["thermal"])
@@ -175,6 +177,7 @@ class TrustWatch:
             motion=log.motion if not self._motion.has_inertia else self._motion.watched(
                 log.motion, (self._bodies.moved(before), self._bodies.moved(now)), now.t - before.t, fresh),
             tables=self._tables.watched(log.tables, now), pressures=self._pressures.watched(log.pressures, now),
+            gap_tables=self._gap_tables.watched(log.gap_tables, now),
             stored=self._stored.watched(log.stored, now, heats))
 
     def wants_equilibrium(self, log: TrustLog, t: float, end: float, at_end: bool = False) -> bool:
@@ -266,6 +269,7 @@ class TrustWatch:
             temperatures.check(log.temperatures, place(log.temperatures.node)),
             *self._tables.checks(log.tables),
             *self._pressures.checks(log.pressures),
+            *self._gap_tables.checks(log.gap_tables),
             *carried.checks(log.carried, log.temperatures.most - log.temperatures.least,
                             "thermal" in self._own_meshes),
             *carried.shape_checks(log.shapes, "mechanical" in self._own_meshes),
