@@ -326,7 +326,7 @@ class HalvedScene:
         scene, of, P = self._scene, end.context.scene, self._halved.P
         n = len(scene.model.prescribed)
         half = through_prescribed((P.T @ left + end.grown * (P.T @ sizes) * end.rate)[of.fixed], of.owners, n)
-        # fault: what prescribed temperatures bring is right on any mesh -> return np.zeros(n) |
+        # fault: what prescribed temperatures bring is right on any mesh -> more = np.zeros(n) |
         #   thermal_fmu/test_extremes
         more = through_prescribed(R[scene.fixed], scene.owners, n) - half
         before, now = (-through_prescribed(flow_at(end.context, s, end.t, end.h, -1).f[of.fixed], of.owners, n)

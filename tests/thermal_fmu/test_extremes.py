@@ -276,6 +276,17 @@ def test_so_is_the_heat_of_prescribed_temperatures(what, mesh, k):
         assert true / 3.0 < told < 3.0 * true, (side, true, told, float(out[name]))
 
 
+@pytest.mark.parametrize("n", [12, 24])
+def test_heat_that_has_just_come_to_a_far_side_has_not_flowed_all_the_time(n):
+    """0.05 L^2/a after a side was made hotter; the flow that is missed now, for all that time, was 6 times too much."""
+    model = spec([{"on": "a.left", "temperature": 1.0}, {"on": "a.right", "temperature": 0.0, "name": "cold"}],
+                 method="sdirk2")
+    mesh = scene(Box(0, 1, 0, 0.1, n, 1))
+    out, exact = (stepped(of, model, 0.0025, 20) for of in (mesh, halved(halved(mesh).interface).interface))
+    true = abs(float(exact["condition.heat.cold"]) - float(out["condition.heat.cold"]))
+    assert true / 3.0 < abs(float(out["mesh.halved.condition.heat.cold"])) < 3.0 * true
+
+
 def test_bodies_that_are_held_everywhere_miss_no_heat():
     """Nor does a side at rest: all that flows is known, to what rounding leaves."""
     warmer = {"t": [0.0, 1.0], "value": [0.0, 1.0]}
