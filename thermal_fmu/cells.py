@@ -13,9 +13,9 @@ from contact.half.functions import CellQuadrature, table_of
 from contact.half.gradients import shape_gradients
 from contact.half.interface import Interface
 from contact.half.linalg import Pattern, pattern_of
-from thermal_fmu.kernels import add_conduction, add_conduction_tensor, add_secant, turn_of
+from thermal_fmu.kernels import add_conduction, add_conduction_tensor, turn_of
 from thermal_fmu.phase_change import NodalFields
-from thermal_fmu.potentials import flows, potential
+from thermal_fmu.potentials import add_secant, flows, potential
 from thermal_fmu.problem import ThermalBody
 from thermal_fmu.surface_terms import at_nodes
 

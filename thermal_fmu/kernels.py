@@ -96,40 +96,6 @@ def add_conduction_tensor(U: Floats, cells: Ints, N: Floats, G: Floats, K_q: Flo
                         data[slots[e, i, j]] += scale * change
 
 
-# Temperatures this close are one: what divides differences of potential by them is rounding.
-SAME_T = 1e-6
-
-
-@kernel
-def add_secant(T: Floats, cells: Ints, G: Floats, K_q: Floats, U: Floats, k: Floats, slots: Slots, scale: float,
-               data: Floats) -> None:
-    """Add scale times the matrix S with S T = what flows by U: couplings by geometry times the mean of k between T.
-
-    T : (n,) [K].  cells : (ne, nn).  G : (ne, nq, nn, 2) [1/m].  K_q : (ne, nq, 3) directions times dV [m3].  U, k :
-    (ne, nn) potential at the nodes of cells [W/m] and dU/dT [W/mK].  slots : (ne, nn, nn).  data : (nnz,) [W/K].
-    """
-    ne, nn = cells.shape
-    for e in range(ne):
-        for i in range(nn):
-            for j in range(i):
-                dot = 0.0
-                for q in range(K_q.shape[1]):
-                    xx, xy, yy = K_q[e, q]
-                    dot += G[e, q, j, 0] * (xx * G[e, q, i, 0] + xy * G[e, q, i, 1])
-                    dot += G[e, q, j, 1] * (xy * G[e, q, i, 0] + yy * G[e, q, i, 1])
-                dT = T[cells[e, j]] - T[cells[e, i]]
-                mean = 0.5 * (k[e, i] + k[e, j])
-                if abs(dT) > SAME_T:
-                    # fault: the secant of a steep k is its slope -> mean = mean |
-                    #   thermal_fmu/test_steep_conductivity
-                    mean = (U[e, j] - U[e, i]) / dT
-                part = scale * dot * mean
-                data[slots[e, i, j]] += part
-                data[slots[e, j, i]] += part
-                data[slots[e, i, i]] -= part
-                data[slots[e, j, j]] -= part
-
-
 @kernel
 def _form(K: Floats, a: Floats, bx: float, by: float) -> float:
     """a . K b for K = (xx, xy, yy)."""

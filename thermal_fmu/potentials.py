@@ -19,11 +19,14 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from contact.compiled import kernel
 from contact.half.functions import CellQuadrature, Property
 from thermal_fmu.kernels import at_points
 from thermal_fmu.problem import Conductivity, Phased
 
 Floats = NDArray[np.float64]
+Ints = NDArray[np.int32]
+Slots = NDArray[np.int64]
 
 
 class Cells(Protocol):
@@ -150,3 +153,39 @@ def directions(k: Conductivity, shape: tuple[int, ...], turn: Floats | None) -> 
     # fault: skewed axes without their skew -> return [np.stack([c * c, -c * s, s * s], axis=-1), np.stack([s * s, c *
     #   s, c * c], axis=-1)] | thermal_fmu/test_thermal_anisotropy::test_a13_patch_with_skewed_axes
     return [np.stack([c * c, c * s, s * s], axis=-1), np.stack([s * s, -c * s, c * c], axis=-1)]
+
+
+# The matrix of what flows
+
+# Temperatures this close are one: what divides differences of potential by them is rounding.
+SAME_T = 1e-6
+
+
+@kernel
+def add_secant(T: Floats, cells: Ints, G: Floats, K_q: Floats, U: Floats, k: Floats, slots: Slots, scale: float,
+               data: Floats) -> None:
+    """Add scale times the matrix S with S T = what flows by U: couplings by geometry times the mean of k between T.
+
+    T : (n,) [K].  cells : (ne, nn).  G : (ne, nq, nn, 2) [1/m].  K_q : (ne, nq, 3) directions times dV [m3].  U, k :
+    (ne, nn) potential at the nodes of cells [W/m] and dU/dT [W/mK].  slots : (ne, nn, nn).  data : (nnz,) [W/K].
+    """
+    ne, nn = cells.shape
+    for e in range(ne):
+        for i in range(nn):
+            for j in range(i):
+                dot = 0.0
+                for q in range(K_q.shape[1]):
+                    xx, xy, yy = K_q[e, q]
+                    dot += G[e, q, j, 0] * (xx * G[e, q, i, 0] + xy * G[e, q, i, 1])
+                    dot += G[e, q, j, 1] * (xy * G[e, q, i, 0] + yy * G[e, q, i, 1])
+                dT = T[cells[e, j]] - T[cells[e, i]]
+                mean = 0.5 * (k[e, i] + k[e, j])
+                if abs(dT) > SAME_T:
+                    # fault: the secant of a steep k is its slope -> mean = mean |
+                    #   thermal_fmu/test_steep_conductivity
+                    mean = (U[e, j] - U[e, i]) / dT
+                part = scale * dot * mean
+                data[slots[e, i, j]] += part
+                data[slots[e, j, i]] += part
+                data[slots[e, i, i]] -= part
+                data[slots[e, j, j]] -= part
