@@ -256,6 +256,11 @@ class ElasticHalf:
             return f"control.method {method} is none of 0 to {len(METHODS)}"
         if self._method(method) == "explicit" and not self.system.spec.stated.inert:
             return "control.method explicit needs dynamics, or method explicit, in model.json"
+        # fault: pressures that settle are pressed by their penalty in explicit steps, unsaid -> if (settle := {}): |
+        #   mechanical_fmu/test_solution_dynamics::test_explicit_steps_refuse_pressures_that_settle
+        if self._method(method) == "explicit" and (settle := self.system.spec.augmented):
+            return ("control.method explicit finds no equilibrium in which pressures settle: pairs."
+                    f"{next(iter(settle))} must not be augmented in model.json")
         if mode not in (ISOTHERMAL, ADIABATIC):
             return f"control.mode {mode} is none of 0 (isothermal), 1 (adiabatic)"
         if mode == ADIABATIC and not self.system.spec.stated.adiabatic:

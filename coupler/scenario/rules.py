@@ -152,6 +152,16 @@ class _Reader:
         if name == "explicit" and "dynamics" not in self._models[half]:
             raise self._c.document.error(key, "the method explicit needs inertia",
                                          "Add mechanical.elastic.dynamics.")
+        settle = [n for n, pair in self._models[half]["pairs"].items() if pair.get("augmented") is not None]
+        # fault: a rule takes explicit steps with pressures that never settle -> if False: |
+        #   coupler/test_scenario_rules::test_a_rule_takes_no_explicit_steps_where_pressures_settle
+        if name == "explicit" and settle:
+            stated = self._c.file.contact[settle[0]].augmented is not None
+            raise self._c.document.error(
+                key, f"the method explicit finds no equilibrium in which the pressures of contact.{settle[0]} settle",
+                (f"Leave contact.{settle[0]}.augmented out" if stated else
+                 f"Write contact.{settle[0]}.augmented: null: what is tied settles by default")
+                + ": the pair then acts by its penalty alone in the whole run; or choose another method.")
         return known[name]
 
     def _give(self, name: str, change: NewValue, key: Key) -> Give:

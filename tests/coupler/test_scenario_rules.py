@@ -184,3 +184,18 @@ def test_a_retry_goes_no_further_than_windows_that_find_their_own_size(tmp_path:
         rule = f"rules:\n  - {{name: a, when: {{max_dT: {{above: 1}}}}, do: [{{retry: {{{given}}}}}]}}\n"
         (found,) = load_text(tmp_path, text + rule).rules
         assert found.do == (Retry(0.5, least),)
+
+
+@pytest.mark.parametrize(("pair", "key"), [("augmented: {}", "augmented"), ("tied: true", "augmented: null")])
+def test_a_rule_takes_no_explicit_steps_where_pressures_settle(tmp_path: Path, pair: str, key: str) -> None:
+    """The head of the file refuses it, and so must a rule: what is augmented, stated or by default, never settled."""
+    conduction = GOOD[GOOD.index("    conduction:"):GOOD.index("thermal:\n  half")]
+    text = GOOD.replace(conduction, f"    {pair}\n").replace("  elastic:\n", "  elastic:\n    dynamics: {}\n")
+    rule = "rules:\n  - {name: a, when: {t: {above: 1}}, do: [{method: {mechanical: METHOD}}]}\n"
+    with pytest.raises(ScenarioError, match="finds no equilibrium") as raised:
+        load_text(tmp_path, text + rule.replace("METHOD", "explicit"))
+    assert raised.value.key == "rules.0.do.0.method.mechanical"
+    assert f"contact.face.{key}" in raised.value.remedy
+    assert load_text(tmp_path, text + rule.replace("METHOD", "bfgs")).rules
+    alone = text.replace(pair, "augmented: null" if pair == "augmented: {}" else f"{pair}\n    augmented: null")
+    assert load_text(tmp_path, alone + rule.replace("METHOD", "explicit")).rules

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+from contextlib import closing
 from pathlib import Path
 
 import numpy as np
@@ -10,9 +11,10 @@ import pytest
 
 from contact.half.model import Discard
 from contact.half.state import from_bytes, frozen_copy, to_bytes
+from contact.rpc.link import open_link
 
 sys.path.insert(0, str(Path(__file__).parent))
-from mechanical_scenes import EXPECTED, NoLink, block, done, elastic, hold, inputs_of
+from mechanical_scenes import EXPECTED, NoLink, block, blocks, done, elastic, hold, inputs_of
 
 E, RHO = 1e6, 1000.0
 # One cell, nu = 0, held below and at its sides: u(top) is one degree of freedom, k = E, m = rho/2 when lumped.
@@ -148,6 +150,17 @@ def test_what_inertia_needs_is_asked_for():
     answer = half.step(state, inputs_of(half) | {"control.method": 4}, 0.0, 1.0, NoLink())
     assert isinstance(answer, Discard)
     assert "explicit needs dynamics" in answer.message
+
+
+def test_explicit_steps_refuse_pressures_that_settle():
+    """A master that switches the method is told what model.json is: they would press by their penalty alone."""
+    held = [hold("lower.bottom", 0), hold("lower.bottom", 1)]
+    half = elastic(blocks(1, 1), held, {"rho": RHO}, dynamics={}, pairs={"interface": {"augmented": {}}})
+    with closing(open_link("direct")) as link:
+        state, _ = half.start(inputs_of(half), 0.0, link)
+        answer = half.step(state, inputs_of(half) | {"control.method": 4}, 0.0, 1e-6, link)
+    assert isinstance(answer, Discard)
+    assert "pairs.interface must not be augmented" in answer.message
 
 
 def test_a_state_with_velocities_restores_the_same_bits_in_another_half():
