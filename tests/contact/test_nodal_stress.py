@@ -137,6 +137,25 @@ def test_along_a_row_that_bends_nothing_is_fitted():
     assert not nodal_stress(bent, rows=2).along.any()
 
 
+@pytest.mark.parametrize("turn", [0.1, 1.5, 4.0])
+@pytest.mark.parametrize("rows", [1, 2])
+@pytest.mark.parametrize("triangles", [False, True])
+@pytest.mark.parametrize("fits", [LINEAR, QUADRATIC])
+def test_a_row_that_bends_tells_no_more_of_what_is_across_than_a_straight_one(turn, rows, triangles, fits):
+    """Its middles lie on an arc, not on a line, and a field was fitted to how high that is; two rows tell it."""
+    interface = rectangles({"low": (12, rows), "up": (5, 3)}, triangles=("low",) if triangles else ())
+    x, y = interface.nodes.T
+    of_low = np.unique(np.concatenate([interface.quads[interface.quad_body == 0].ravel(),
+                                       interface.triangles[interface.triangle_body == 0].ravel()]))
+    length = np.ptp(x[of_low])
+    angle, r = turn * (x - x[of_low].min()) / length, length / turn + y - y[of_low].max()
+    low = np.isin(np.arange(len(x)), of_low)
+    bent = np.where(low[:, None], np.stack([r * np.sin(angle), r * np.cos(angle)], axis=1), interface.nodes)
+    fit = nodal_stress(replace(interface, nodes=bent), fits)
+    assert fit.known[fit.part == 0].any() == (rows == 2)
+    assert fit.known[fit.part == 1].all()
+
+
 def test_what_places_are_off_by_is_not_made_much_of():
     """Places on a circle do not tell what is in its middle; those near one hardly do."""
     angle = np.linspace(0.0, 6.0, 9)

@@ -107,6 +107,29 @@ def test_two_cells_across_are_not_to_be_trusted_and_enhanced_ones_are():
     assert np.sqrt(bends) < 0.1
 
 
+@pytest.mark.parametrize(("around", "across", "off"), [(32, 1, 0.001), (16, 1, 0.006), (48, 2, 0.002)])
+def test_an_arch_of_cells_that_bend_is_told_as_right_as_it_is(around, across, off):
+    """A quarter of a ring, one row of cells: 0.06 % too stiff, and 79 % of its energy was told to be missed."""
+    R, H = 0.1, 0.004
+    told, end = {}, {}
+    for cells in ((around, across), (128, 4)):
+        nodes, quads_ = grid(*cells, lambda s, t: ((R + H * t) * np.sin(0.5 * np.pi * s),
+                                                   (R + H * t) * np.cos(0.5 * np.pi * s)))
+        interface = quads(nodes, quads_)
+        volume = volume_of(interface, PLANE["enhanced"])
+        moduli, force = moduli_of(volume, Stuff(E, 0.0)), np.zeros_like(nodes)
+        tip = np.flatnonzero(np.isclose(nodes[:, 1], 0.0, atol=1e-9))
+        force[tip, 0] = 1.0 / tip.size
+        held = {(int(j), c): 0.0 for j in np.flatnonzero(np.isclose(nodes[:, 0], 0.0, atol=1e-9)) for c in (0, 1)}
+        found = equilibrium(volume, moduli, held, force, tolerance=1e-6)
+        both = volume.stress(found.u, moduli, PointStep(0.0, found.history))
+        of = Stressed([s for s, _ in both], [log_volume(e) for _, e in both], nodal_stress(interface, LINEAR))
+        missed, energy = missed_energy(volume.kinds, of, moduli, len(nodes), 1, True)
+        told[cells], end[cells] = missed[0] / energy[0], found.u[tip, 0].mean()
+    assert end[around, across] == pytest.approx(end[128, 4], rel=off)
+    assert told[around, across] < 0.01
+
+
 def stretched(F, mu=2.0, p=0.7):
     """Cauchy stress and ln J of (n, 3, 3) F, neo-Hookean with a pressure p, one point a cell; and p + 2 mu dev V."""
     J = np.linalg.det(F)
