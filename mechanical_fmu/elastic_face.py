@@ -16,10 +16,9 @@ from mechanical_fmu.elastic_state import ElasticState
 from mechanical_fmu.energy import kinetic
 from mechanical_fmu.heat import flow_outputs, flow_variables, log_dilatation, moved_heat
 from mechanical_fmu.named_forces import ForcesAt
-from mechanical_fmu.softest import UNKNOWN
 from mechanical_fmu.stress_outputs import Moved, mesh_variables, stress_outputs, stress_variables
-from mechanical_fmu.system import System
-from mechanical_fmu.unstable import unstable_outputs, unstable_variables
+from mechanical_fmu.system import System, mesh_nodes
+from mechanical_fmu.unstable import unasked, unstable_outputs, unstable_variables
 from mechanical_fmu.volume import PointStep
 from mechanical_fmu.warm import memory_layout
 
@@ -93,11 +92,6 @@ def damps(system: System) -> bool:
     return (system.can_be_loose or let_go) and bool(system.interface.pairs) and not system.spec.stated.inert
 
 
-def mesh_nodes(system: System) -> int:
-    """Count the nodes of the mesh, reference rows of rigid bodies apart."""
-    return len(system.interface.nodes) if system.rigid is None else system.rigid.first
-
-
 def outputs_of(system: System, found: StepResult, moved: Moved, state: ElasticState) -> Outputs:
     """Compute all outputs at the end of a step that was solved."""
     balance, n = found.balance, mesh_nodes(system)
@@ -140,7 +134,7 @@ def outputs_of(system: System, found: StepResult, moved: Moved, state: ElasticSt
     # Of what a run asks for a dozen times a state in bytes keeps nothing: it would cost a factorisation each.
     seldom = unstable_outputs(system, found, moved)
     return replace(stress, now=outputs | dict(stress.now), apart={**stress.apart, **seldom},
-                   unless_asked=dict.fromkeys(seldom, UNKNOWN))
+                   unless_asked=unasked(system, seldom))
 
 
 def _heats(system: System, found: StepResult, moved: Moved, state: ElasticState) -> dict[str, Value]:

@@ -473,3 +473,8 @@ def system_of(interface: Interface, spec: ElasticSpec, given: MechanicalVolume |
                                          if np.isin(nodes, rigid.nodes).all()]
     contact = MeshContact(interface, alone, of_rigid, spec.augmented)
     return System(interface, spec, mesh, constraints_of(interface, spec.displacements, rigid), contact, masses)
+
+
+def mesh_nodes(system: System) -> int:
+    """Count the nodes of the mesh, reference rows of rigid bodies apart."""
+    return len(system.interface.nodes) if system.rigid is None else system.rigid.first

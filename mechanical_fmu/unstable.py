@@ -9,24 +9,29 @@ and Newton's method finds their equilibria all the same.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.sparse import csr_matrix, diags_array
 
 from contact.half.linalg import negative_pivots
 from contact.half.model import Value, Variable
 from mechanical_fmu.advance import StepResult
+from mechanical_fmu.displaced import displaced
 from mechanical_fmu.newton import with_tangent
 from mechanical_fmu.softest import UNKNOWN, stiffness_off
 from mechanical_fmu.stress_outputs import Moved
-from mechanical_fmu.system import ForceBalance, Loading, System
+from mechanical_fmu.system import ForceBalance, Loading, System, mesh_nodes
 from mechanical_fmu.tangent import constrained, stiffness
+
+Floats = NDArray[np.float64]
 
 NAME = "unstable_directions"
 SOFT = "mesh.stiffness_off"
+PLACES = "mesh.u_off"
 # A motion that nothing resists is not unstable: each unknown is held by this share of its own stiffness besides.
 HELD = 1e-9
 # Where no stress is above this share of the least shear modulus mu, that share holds them against all of it.  Of a
@@ -43,7 +48,15 @@ def unstable_variables(system: System) -> tuple[Variable, ...]:
                                        "stiffness; -1: not known"),
             *((Variable(SOFT, description="share of the stiffness left against the softest motion, beside that "
                                           "without loads, which the mesh makes of nothing; -1: not known"),)
-              if system.volume.tells_stress and not system.volume.makes_heat else ()))
+              if _smooth(system) else ()),
+            *((Variable(PLACES, (mesh_nodes(system), 2), unit="m", on="nodes",
+                        description="how much farther nodes would be on a finer mesh, estimated; not a number: not "
+                                    "known"),) if _smooth(system) else ()))
+
+
+def _smooth(system: System) -> bool:
+    """Whether bodies have a stress, and it follows from their shape alone."""
+    return system.volume.tells_stress and not system.volume.makes_heat
 
 
 def unstable_outputs(system: System, found: StepResult, moved: Moved) -> Mapping[str, Callable[[], Value]]:
@@ -54,8 +67,14 @@ def unstable_outputs(system: System, found: StepResult, moved: Moved) -> Mapping
     # What is kept until then is to be small.
     now = _Stability(system, replace(found.balance, entries=None), loading)
     told = [v.name for v in unstable_variables(system)]
-    return {name: partial(getattr, now, what) for name, what in ((NAME, "directions"), (SOFT, "softened"))
-            if name in told}
+    made = {NAME: "directions", SOFT: "softened", PLACES: "displaced"}
+    return {name: partial(getattr, now, what) for name, what in made.items() if name in told}
+
+
+def unasked(system: System, names: Iterable[str]) -> dict[str, Value]:
+    """Return what stands for outputs that nobody asked for: not known."""
+    places = np.full((mesh_nodes(system), 2), np.nan)
+    return {name: places if name == PLACES else UNKNOWN for name in names}
 
 
 def unstable_directions(system: System, balance: ForceBalance, loading: Loading) -> float:
@@ -117,6 +136,18 @@ class _Stability:
             return stiffness_off(self.system, self._K, self.balance.u, self.loading)
         except ArithmeticError:
             return UNKNOWN
+
+
+    @cached_property
+    def displaced(self) -> Floats:
+        """As displaced.displaced; not a number where the bodies leave their equilibrium, or surfaces slip."""
+        unknown = np.full((mesh_nodes(self.system), 2), np.nan)
+        try:
+            if self._K is None or self.directions != 0.0:
+                return unknown
+            return displaced(self.system, self._K, self.balance.u, self.loading)
+        except (ArithmeticError, ValueError):
+            return unknown
 
 
 def _unstressed(system: System, balance: ForceBalance, loading: Loading) -> bool:

@@ -32,7 +32,7 @@ from coupler.record.tables import FRICTION
 from coupler.scenario.conditions import OUTPUT, ConditionOutput
 from coupler.scenario.probes import AT_CONTACT, OF_MECHANICS, Probe
 from coupler.schemes.levels import Level
-from coupler.schemes.state import HALVED, Halves
+from coupler.schemes.state import HALVED, PLACES_OFF, Halves
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
@@ -112,7 +112,7 @@ class ExtraOutputs:
         self.notes: list[str] = []
         for role, half in own.items():
             taken = {n for n, b in other[role].blocks.items() if b.causality == "input"}
-            known = (*OF_THE_EXCHANGE[role], *(n for n in half.blocks if n.startswith((OUTPUT, HALVED))))
+            known = (*OF_THE_EXCHANGE[role], PLACES_OFF, *(n for n in half.blocks if n.startswith((OUTPUT, HALVED))))
             fields = output_fields(role, half.blocks, interface, known, taken)
             self.fields += fields
             self.notes += unclear(role, fields, interface)

@@ -25,7 +25,7 @@ from coupler.scenario.scales import slight_errors
 from coupler.scenario.timing import Frames
 from coupler.schemes.ledger import Ledger
 from coupler.schemes.levels import Level
-from coupler.schemes.state import CoupledState, Halves
+from coupler.schemes.state import PLACES_OFF, CoupledState, Halves
 from coupler.trust.checks import Check
 from coupler.trust.in_space import cell_probes, contact_ends, probed
 from coupler.trust.in_space.extremes import extreme_outputs
@@ -81,6 +81,9 @@ class Observer:
         # fault: nobody asks the fluxes that are probed -> fluxes: list[str] = [] | coupler/test_trust_cell_probes
         fluxes = cell_probes.FLUX.outputs(halves.thermal.blocks, scenario.probes)
         self._of_fluxes = {"thermal": [] if "thermal" in scenario.own_meshes else fluxes}
+        # fault: nobody asks what the mesh does to displacements -> self._of_places = [] | coupler/test_trust_displaced
+        self._of_places = [] if "mechanical" in scenario.own_meshes else self._watch.displaced.outputs(
+            halves.mechanical.blocks)
         self._of_extremes = extreme_outputs(halves.thermal.blocks)
         # Nobody else needs to know in every window.
         of_T = any(probe.quantity == "T" for probe in scenario.probes.values())
@@ -127,7 +130,7 @@ class Observer:
         self.frame(now, look)
         self._look_at_mesh(look, now)
         self.choice = self.choice.begun(now)
-        self._look_at_equilibrium(look, now.t, at_end)
+        self._look_at_equilibrium(look, now, at_end)
         if self._of_fronts:
             self.trust = self._watch.with_fronts(self.trust, None, now)
         self.trust = replace(self.trust, probed=probed.begun(self._values(now, look), len(now.T)),
@@ -180,7 +183,7 @@ class Observer:
             self.recorder.thin()
         if due:
             self.frame(now, look, chosen=not asked)
-        self._look_at_equilibrium(look, now.t, at_end)
+        self._look_at_equilibrium(look, now, at_end)
         # fault: nobody asks what fronts put temperatures off by -> if False: | coupler/test_trust_fronts
         if self._of_fronts:
             off = np.asarray(look.read("thermal", self._of_fronts)[self._of_fronts[0]])
@@ -238,8 +241,9 @@ class Observer:
         if fluxes := self._of_fluxes["thermal"]:
             self.trust = self._watch.looked_at_fluxes(self.trust, look.read("thermal", fluxes), now.t)
 
-    def _look_at_equilibrium(self, look: Look, t: float, at_end: bool) -> None:
-        """Ask the mechanical half now and then whether its equilibrium is stable."""
+    def _look_at_equilibrium(self, look: Look, now: Level, at_end: bool) -> None:
+        """Ask mechanics now and then whether their equilibrium is stable, and what their mesh leaves out of it."""
+        t = now.t
         if STABLE not in self._both["mechanical"].blocks or not self._watch.wants_equilibrium(
                 self.trust, t, self._scenario.coupling.end, at_end=at_end):
             return
@@ -248,6 +252,9 @@ class Observer:
         # fault: nobody asks how soft the bodies are -> if False: | coupler/test_trust_equilibrium
         if SOFT in told and float(told[STABLE]) >= 0.0:
             self.trust = self._watch.with_softness(self.trust, float(told[SOFT]), t)
+        if self._of_places:
+            du = look.read("mechanical", self._of_places)[PLACES_OFF]
+            self.trust = self._watch.with_displaced(self.trust, du, now)
 
     def _look_at_probed(self, look: Look, now: Level, *, kink: bool, at_end: bool) -> None:
         """Ask now and then how far what is probed is off by the mesh."""

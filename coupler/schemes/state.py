@@ -180,6 +180,7 @@ HIGH_OFF, LOW_OFF = "mesh.T_high_off.", "mesh.T_low_off."  # what its highest an
 HALVED = "mesh.halved."  # of an output of a thermal half: what halved cells change of it
 RESIDUAL = "residual"  # of either half: what its equations leave, as a share of the heat, or of the forces [1]
 MADE, KINETIC = "energy.made", "energy.kinetic"  # of a mechanical half with inertia: of nothing, of motion [J]
+PLACES_OFF = "mesh.u_off"  # of a mechanical half: how much farther its nodes would be on a finer mesh [m]
 SHAPE_OFF = "mesh.x_off"  # of a mechanical half on a mesh of its own: what the scene's does not hold of x [m]
 
 

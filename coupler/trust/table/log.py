@@ -12,6 +12,7 @@ from coupler.trust.in_space import (
     cell_probes,
     contact_ends,
     contact_pressure,
+    displaced,
     extremes,
     fronts,
     heat_mesh,
@@ -78,6 +79,7 @@ class TrustLog:
     fronts: fronts.FrontLog = field(default_factory=fronts.FrontLog)
     probed: probed.ProbedLog = field(default_factory=probed.ProbedLog)
     moved: moved.MovedLog = field(default_factory=moved.MovedLog)
+    displaced: displaced.DisplacedLog = field(default_factory=displaced.DisplacedLog)
     stored: stored.StoredLog = field(default_factory=stored.StoredLog)
     solved: solved.SolvedLog = field(default_factory=solved.SolvedLog)
     motion: motion.MotionLog = field(default_factory=motion.MotionLog)

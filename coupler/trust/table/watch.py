@@ -26,6 +26,7 @@ from coupler.trust.in_space import (
     cell_probes,
     contact_ends,
     contact_pressure,
+    displaced,
     extremes,
     fronts,
     heat_mesh,
@@ -105,6 +106,7 @@ class TrustWatch:
         self._probed = dict(probed or {})
         self._strains, self._fluxes = (cell_probes.CellProbes(kind, interface, self._probed, self._peak_stress)
                                        for kind in (cell_probes.STRAIN, cell_probes.FLUX))
+        self.displaced = displaced.Displaced(interface, self._probed)
         self._pressed = contact_pressure.ContactPressure(interface, self._probed, self._peak_stress)
         self._ends = contact_ends.ContactEnds(interface, models["mechanical"])
         self._tables = tables.MaterialTables(interface, models)
@@ -192,6 +194,13 @@ class TrustWatch:
         """Return the log after the mechanical half told at t [s] of the softest motion of its bodies [1]."""
         return replace(log, equilibrium=equilibrium.softened(log.equilibrium, share, t))
 
+    def with_displaced(self, log: TrustLog, du: Array, now: Level) -> TrustLog:
+        """Return the log after the mechanical half told how much farther nodes would be on a finer mesh.
+
+        du : (n_nodes, 2) [m]; nan: not known.
+        """
+        return replace(log, displaced=self.displaced.watched(log.displaced, du, now))
+
     def looked_at_mesh(self, log: TrustLog, told: Mapping[str, float], of_heat: Mapping[str, float],
                        t: float) -> TrustLog:
         """Return the log after a look at what meshes miss at t [s].
@@ -248,7 +257,8 @@ class TrustWatch:
         off = {n: found.off for n, found in log.contact_pressure.worst.items()}
         # fault: what cells put gaps and displacements off by is not told of the probe -> for told in
         #   (fronts.off_of(log.fronts), probed.off_of(log.probed)): | coupler/test_trust_moved
-        for told in (fronts.off_of(log.fronts), probed.off_of(log.probed), probed.off_of(log.moved.probed)):
+        for told in (fronts.off_of(log.fronts), probed.off_of(log.probed), probed.off_of(log.moved.probed),
+                     displaced.off_of(log.displaced)):
             off |= {n: max(by, off.get(n, 0.0)) for n, by in told.items()}
         return {n: asdict(row) | {"mesh": off.get(n, 0.0)} for n, row in errors.table(log.errors, self._probes).items()}
 
@@ -262,6 +272,7 @@ class TrustWatch:
         rules : whether rules act on the scene.
         """
         off, place = imbalance(totals), self._bodies.place
+        ranges = {n: row.range for n, row in errors.table(log.errors, self._probes).items()}
         return (
             errors.check(log.errors, self._probes, self._adaptive, self._iterated, self._nothing),
             stability.check(log.stability, log.errors.looked, self._adaptive),
@@ -279,6 +290,7 @@ class TrustWatch:
             *probed.checks(log.probed, self._probes, {"K": self._slight.get("K", 0.0)}),
             *self._fluxes.checks(log.fluxes),
             *moved.checks(log.moved, self._probes, self._nothing),
+            *displaced.checks(log.displaced, ranges, self._nothing.get("m", 0.0)),
             *mesh.checks(log.mesh),
             *self._peak_stress.checks(log.peak_stress, mesh.bears(log.mesh) if log.mesh.energy else
                                       dict.fromkeys(self._interface.bodies, True), self._nothing.get("Pa", 0.0)),
