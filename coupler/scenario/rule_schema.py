@@ -185,9 +185,9 @@ class DriveSpec(Part):
     scale: Annotated[Scale | None, Entry(
         "whether the load moves by factors (`log`) or by differences",
         default="`log` for `load`, `linear` for `bc`")] = None
-    gain: Annotated[Positive | None, Entry(
+    gain: Annotated[Number | None, Entry(
         "change of (the logarithm of) the load for a change of (the logarithm of) the monitor; required with "
-        "`linear`",
+        "`linear`, and below 0 there if the monitor falls where the load grows",
         default="measured (`log`)")] = None
     first: Annotated[Number | None, Entry(
         "value at the start (the half begins in equilibrium with it)",
@@ -212,7 +212,11 @@ class DriveSpec(Part):
                 if (value := getattr(self, name)) is not None and value <= 0.0:
                     raise problem("must be greater than zero: the load moves in its logarithm",
                                   "Or give `scale: linear` and a gain.", at=(name,))
-        elif self.gain is None:
+            if self.gain is not None and self.gain <= 0.0:
+                raise problem("must be greater than zero: the load moves in its logarithm, and so does the monitor",
+                              "Or give `scale: linear`, where a gain below 0 is for a monitor that falls where the "
+                              "load grows.", at=("gain",))
+        elif not self.gain:
             raise problem("a gain is needed where the load moves linearly",
                           "Give the change of load for a change of the monitor by 1.")
         low, first, high = self.least, self.begin, self.most

@@ -147,6 +147,13 @@ def test_a_linear_drive_may_pass_zero() -> None:
     assert told[-1] == (pytest.approx(-2.0), pytest.approx(-15.0))
 
 
+def test_a_linear_drive_may_turn_a_monitor_down() -> None:
+    """A ram that presses from above: its force grows where the load falls, so its gain is below 0."""
+    drive = Drive("mechanical", "bc.ram", "mechanical.force", 1e5, 0.0, -1.0, 0.0, log=False, gain=-2.0e-9)
+    told = plain(lambda load, n: max(-5e8 * (load + 1e-5), 0.0), drive)
+    assert told[-1] == (pytest.approx(1e5), pytest.approx(-2.1e-4))
+
+
 def test_a_monitor_that_is_not_known_leaves_the_load_alone() -> None:
     tried = ruled([Rule("hold", drive=hold())], (heating(), FakeHalf("mute", blocks_of(T_IN, X_OUT, scalar(
         "load.press", "input")), lambda s, i, t, h: (s, {"x": np.zeros((1, 2))}), np.zeros(1))), (3.0, 3))
