@@ -86,13 +86,23 @@ def test_of_a_single_row_of_quads_it_is_not_checked(tmp_path: Path) -> None:
                                               (3e-3, TrustVerdict.BROKEN)])
 def test_verdicts(off: float, verdict: TrustVerdict) -> None:
     """Against the range over the run, which looks may not have met."""
-    log = DisplacedLog({"a": Seen(0.0, 5e-3, -off, 5e-3, 1.0, 3), "b": Seen(0.0, 1e-12, 1e-12, 1e-12, 1.0, 3)}, 3)
+    by_rounding = Seen(0.0, 1e-12, 1e-12, 1e-12, 1.0, 0.0, 3)
+    log = DisplacedLog({"a": Seen(0.0, 5e-3, -off, 5e-3, 1.0, 0.0, 3), "b": by_rounding}, 3)
     (found,) = checks(log, {"a": 1e-2}, 1e-10)
     assert found.verdict is verdict
     assert found.number == pytest.approx(off / 1e-2)
     # What is 0 by symmetry harms nobody.
     assert "b by" not in found.what
     assert checks(log, {"a": 1e-2}, 0.0)[0].number > 0.9
+
+
+def test_where_little_moves_it_is_held_against_how_far_the_body_goes() -> None:
+    """The far corner of a block that is pressed in its middle goes 0.6 um, 39 % wrong, and its middle 0.4 mm."""
+    (found,) = checks(DisplacedLog({"a": Seen(0.0, 6e-7, 2.5e-7, 6e-7, 1.0, 4e-4, 3)}, 3), {}, 1e-12)
+    assert found.number == pytest.approx(2.5e-7 / 4e-5)
+    assert found.verdict is TrustVerdict.HOLDS
+    (found,) = checks(DisplacedLog({"a": Seen(0.0, 6e-7, 2.5e-7, 6e-7, 1.0, 1e-5, 3)}, 3), {}, 1e-12)
+    assert "a tenth of how far its body went" in found.what
 
 
 def test_where_no_look_told_anything_that_is_said() -> None:

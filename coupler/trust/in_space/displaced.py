@@ -4,7 +4,8 @@ A mechanical half may tell how much farther its nodes would be on a finer mesh (
 probe is off by what it would tell otherwise with that.  It is read with what is told of the equilibrium
 (laws/equilibrium.py), at the start, about a dozen times, and at the end; it costs as much.
 
-Errors are held against the range of the probe over the run.
+Errors are held against the range of the probe over the run, but no less than LITTLE of the farthest that a node of its
+body went: where little moves, next to nothing is much of it.
 """
 
 from __future__ import annotations
@@ -27,6 +28,7 @@ Floats = NDArray[np.float64]
 
 NAME = "cells fine enough for displacements"
 LIMITS = (0.05, 0.2)  # of the range of a probe: noted, broken
+LITTLE = 0.1  # of how far its body went
 COMPONENTS = {"u_x": 0, "u_y": 1}
 
 
@@ -34,7 +36,7 @@ COMPONENTS = {"u_x": 0, "u_y": 1}
 class Seen:
     """What looks saw of a probe [m].  low, high : of what it told.  off : the largest; it then told `told`, at t [s].
 
-    looks : at which it was known how far.
+    farthest : that a node of its body went.  looks : at which it was known how far.
     """
 
     low: float = math.inf
@@ -42,6 +44,7 @@ class Seen:
     off: float = 0.0
     told: float = 0.0
     t: float = 0.0
+    farthest: float = 0.0
     looks: int = 0
 
 
@@ -60,6 +63,8 @@ class Displaced:
         """probes : of the scenario, by name."""
         self._interface = interface
         self._probes = {n: p for n, p in probes.items() if p.quantity in COMPONENTS}
+        body = interface.node_body
+        self._of_body = {n: np.isin(body, body[p.nodes]) for n, p in self._probes.items()}
 
     def outputs(self, blocks: Mapping[str, Block]) -> list[str]:
         """Return the outputs that are wanted at a look; none where nothing is probed.  blocks : of mechanics."""
@@ -73,7 +78,8 @@ class Displaced:
         for name, probe in self._probes.items():
             k, seen = COMPONENTS[probe.quantity], of.get(name, Seen())
             told, finer = float(probe.of(u[:, k])), float(probe.of(u[:, k] + du[:, k]))
-            seen = replace(seen, low=min(seen.low, told), high=max(seen.high, told))
+            far = float(np.hypot(*u[self._of_body[name]].T).max())
+            seen = replace(seen, low=min(seen.low, told), high=max(seen.high, told), farthest=max(seen.farthest, far))
             if math.isfinite(finer):
                 seen = replace(seen, looks=seen.looks + 1)
                 # fault: what the mesh does to a displacement is forgotten -> if False: | coupler/test_trust_displaced
@@ -101,7 +107,10 @@ def checks(log: DisplacedLog, ranges: Mapping[str, float], nothing: float) -> tu
                       what="at each look surfaces slipped with friction, the bodies were in no equilibrium that lasts, "
                            "or are a single row of quads, of which nothing tells how stiff it is: use two rows or "
                            "more, or mechanical.elastic.element: enhanced"),)
-    wide = {n: max(s.high - s.low, ranges.get(n, 0.0), np.finfo(float).tiny) for n, s in known.items()}
+    # fault: where little moves next to nothing is much -> little = 0.0 | coupler/test_trust_displaced
+    little = LITTLE
+    wide = {n: max(s.high - s.low, ranges.get(n, 0.0), little * s.farthest, np.finfo(float).tiny)
+            for n, s in known.items()}
     # fault: a displacement that is 0 by symmetry is off by what rounding leaves -> harms = {n: True for n in known} |
     #   coupler/test_trust_displaced
     harms = {n: abs(s.off) > nothing for n, s in known.items()}
@@ -110,10 +119,11 @@ def checks(log: DisplacedLog, ranges: Mapping[str, float], nothing: float) -> tu
     seen, share = known[worst], shares[worst]
     others = [f"{n} by {100.0 * shares[n]:.3g} %" for n in sorted(shares, key=lambda n: -shares[n])[1:4]
               if shares[n] > LIMITS[0]]
+    of = "its range" if wide[worst] > LITTLE * seen.farthest else "a tenth of how far its body went"
     return (measured(
         NAME, share, LIMITS, t=seen.t,
         what=f"probe {worst} tells {amount(seen.told, 'm')} at t = {seen.t:.6g} s, and the mesh puts it off by about "
-             f"{amount(abs(seen.off), 'm')}, {100.0 * share:.3g} % of its range: with smaller cells it would be about "
+             f"{amount(abs(seen.off), 'm')}, {100.0 * share:.3g} % of {of}: with smaller cells it would be about "
              f"{amount(seen.told + seen.off, 'm')}" + (f"; {', '.join(others)}" if others else ""),
         remedy=f"Use {max(2, math.ceil(math.sqrt(share / LIMITS[0])))} times as many cells along each edge of the body "
                "that deforms, or mechanical.elastic.element: enhanced where it bends"),)
