@@ -65,12 +65,13 @@ def _there(system: System, u: Floats) -> tuple[Cells, ...]:
     treatments = tuple(of_part.get(part, ELASTIC) for part in range(len(interface.parts)))
     x = np.ascontiguousarray(interface.nodes + u[:len(interface.nodes)])
     now = cells_of(replace(interface, nodes=x), treatments)
-    # Rigid bodies have no cells among those of the volume.
-    at = {int(number): (k, e) for k, cells in enumerate(now) for e, number in enumerate(cells.number)}
+    # Rigid bodies have no cells among those of the volume, so a kind may have more here.
+    kind_of, at = (np.zeros(sum(len(cells.number) for cells in now), dtype=np.intp) for _ in range(2))
+    for k, cells in enumerate(now):
+        kind_of[cells.number], at[cells.number] = k, np.arange(len(cells.number))
     found = []
     for cells in system.volume.kinds:
-        k, e = np.array([at[int(number)] for number in cells.number]).T
-        kind = now[int(k[0])]
+        kind, e = now[int(kind_of[cells.number[0]])], at[cells.number]
         found.append(replace(cells, B=kind.B[e], weight=kind.weight[e], N_over_R=kind.N_over_R[e]))
     return tuple(found)
 
