@@ -5,7 +5,6 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import pytest
 
 from coupler import Results, load_scenario, run
@@ -105,8 +104,16 @@ def test_where_little_moves_it_is_held_against_how_far_the_body_goes() -> None:
     assert "a tenth of how far its body went" in found.what
 
 
+def test_what_does_not_move_is_held_against_where_it_is(tmp_path: Path) -> None:
+    """A load that is there from the start, in equilibrium: the deflection has no range, and is 15 % short."""
+    loads = {"mechanical.elastic.boundary.1.t_x": 1e8, "mechanical.elastic.boundary.1.t_y": 2e4,
+             "mechanical.elastic.start": "equilibrium"}
+    found = row(bar(tmp_path, 20, 2, **loads))
+    assert found is not None
+    assert found.number == pytest.approx(0.152, abs=0.01)
+
+
 def test_where_no_look_told_anything_that_is_said() -> None:
     (found,) = checks(DisplacedLog({"a": Seen(0.0, 1.0)}, 3), {}, 0.0)
     assert found.verdict is TrustVerdict.UNCHECKED
     assert not checks(DisplacedLog(), {}, 0.0)
-    assert np.isinf(Seen().low)
