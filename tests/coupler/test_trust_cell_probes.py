@@ -40,6 +40,7 @@ def test_a_thick_tube_by_its_cells(tmp_path, n, cut):
     assert check.t == 1.0
     assert check.verdict == ("broken" if check.number > 0.2 else "noted")
     assert "the probe inside tells" in check.sentence
+    assert result.probe_errors["inside"].mesh == pytest.approx(told - EXACT, rel=0.5)
 
 
 def test_what_has_flowed_by_its_cells(tmp_path):
@@ -159,6 +160,7 @@ def test_the_flux_at_the_end_of_a_fin_by_its_cells(tmp_path, n, cut, end, sign):
     assert 0.6 * true < check.number < 1.5 * true
     assert check.verdict == ("broken" if check.number > 0.2 else "noted")
     assert "W/m2" in check.sentence
+    assert result.probe_errors["base"].mesh == pytest.approx(true * exact, rel=0.5)
 
 
 def flux(*rows):

@@ -75,6 +75,8 @@ def test_a_thick_tube_by_its_cells(tmp_path, n, cut):
     assert next(c for c in result.trust if c.name == mesh.NAME).verdict == "holds"
     assert check.verdict == ("holds" if check.number < 0.05 else "noted")
     assert "the probe inside tells" in check.sentence or "the highest" in check.sentence
+    assert result.probe_errors["inside"].mesh == pytest.approx(check.number * float(result.probe("inside")[1].max()),
+                                                               rel=0.5)
 
 
 def test_what_nobody_asks_for_breaks_no_run(tmp_path):

@@ -129,6 +129,11 @@ class CellProbes:
         least = 0.0 if quantity in FLOWED else -np.inf
         return np.maximum(smooth, least), np.maximum(straight, least)
 
+    def off_of(self, log: CellLog) -> dict[str, float]:
+        """Return probe -> by how much it may be off, in SI: of what may be brief what lasts."""
+        return {name: _lasting(np.array([one.t for one in looks]), np.array([one.off for one in looks]),
+                               BRIEF * log.t if self._kind.brief else 0.0) for name, looks in log.looks.items()}
+
     def checks(self, log: CellLog) -> tuple[Check, ...]:
         """Return the check at the end, none where nobody probes such a quantity."""
         kind = self._kind

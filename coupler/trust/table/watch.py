@@ -254,11 +254,13 @@ class TrustWatch:
 
     def probe_errors(self, log: TrustLog) -> dict[str, dict[str, Any]]:
         """Return probe -> estimated error, range and unit, SI, as plain values; empty: no window was looked at."""
-        off = {n: found.off for n, found in log.contact_pressure.worst.items()}
+        off = {n: found.off for worst in (log.contact_pressure.worst, log.peak_stress.worst)
+               for n, found in worst.items()}
         # fault: what cells put gaps and displacements off by is not told of the probe -> for told in
         #   (fronts.off_of(log.fronts), probed.off_of(log.probed)): | coupler/test_trust_moved
         for told in (fronts.off_of(log.fronts), probed.off_of(log.probed), probed.off_of(log.moved.probed),
-                     displaced.off_of(log.displaced)):
+                     displaced.off_of(log.displaced), self._strains.off_of(log.strains),
+                     self._fluxes.off_of(log.fluxes)):
             off |= {n: max(by, off.get(n, 0.0)) for n, by in told.items()}
         return {n: asdict(row) | {"mesh": off.get(n, 0.0)} for n, row in errors.table(log.errors, self._probes).items()}
 
