@@ -307,9 +307,9 @@ class HalvedScene:
             at_whole = balance(problem, whole, jacobian=False)
         each, at_before = at_whole.each, balance(problem, s, jacobian=False)
         more_heat = end.grown * (each - at_before.each)
+        held = self._through_held(end, sizes, at_before.R + kept, at_whole.R)
         # fault: heat that is no more with smaller cells is told by what iterations leave -> slight = 0.0 |
         #   thermal_fmu/test_extremes
-        held = self._through_held(end, sizes, at_before.R + kept, at_whole.R)
         slight = LEFT * (end.grown * float(np.abs(each).sum()) + float(np.abs(at_whole.R[scene.fixed]).sum()))
         more_heat = np.concatenate([held, more_heat])
         heat = np.where(np.abs(more_heat) > slight, more_heat, 0.0)

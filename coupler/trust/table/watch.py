@@ -256,11 +256,11 @@ class TrustWatch:
         """Return probe -> estimated error, range and unit, SI, as plain values; empty: no window was looked at."""
         off = {n: found.off for worst in (log.contact_pressure.worst, log.peak_stress.worst)
                for n, found in worst.items()}
-        # fault: what cells put gaps and displacements off by is not told of the probe -> for told in
-        #   (fronts.off_of(log.fronts), probed.off_of(log.probed)): | coupler/test_trust_moved
-        for told in (fronts.off_of(log.fronts), probed.off_of(log.probed), probed.off_of(log.moved.probed),
-                     displaced.off_of(log.displaced), self._strains.off_of(log.strains),
-                     self._fluxes.off_of(log.fluxes)):
+        # fault: what cells put gaps and displacements off by is not told of the probe -> by_heat: dict[str, float] = {} |
+        #   coupler/test_trust_moved
+        by_heat = probed.off_of(log.moved.probed)
+        for told in (fronts.off_of(log.fronts), probed.off_of(log.probed), by_heat, displaced.off_of(log.displaced),
+                     self._strains.off_of(log.strains), self._fluxes.off_of(log.fluxes)):
             off |= {n: max(by, off.get(n, 0.0)) for n, by in told.items()}
         return {n: asdict(row) | {"mesh": off.get(n, 0.0)} for n, row in errors.table(log.errors, self._probes).items()}
 
