@@ -256,7 +256,7 @@ class TrustWatch:
         """Return probe -> estimated error, range and unit, SI, as plain values; empty: no window was looked at."""
         off = {n: found.off for worst in (log.contact_pressure.worst, log.peak_stress.worst)
                for n, found in worst.items()}
-        # fault: what cells put gaps and displacements off by is not told of the probe -> by_heat: dict[str, float] = {} |
+        # fault: what cells put gaps and displacements off by is not told of the probe -> by_heat = {} |
         #   coupler/test_trust_moved
         by_heat = probed.off_of(log.moved.probed)
         for told in (fronts.off_of(log.fronts), probed.off_of(log.probed), by_heat, displaced.off_of(log.displaced),
