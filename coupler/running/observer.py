@@ -81,7 +81,7 @@ class Observer:
         # fault: nobody asks the fluxes that are probed -> fluxes: list[str] = [] | coupler/test_trust_cell_probes
         fluxes = cell_probes.FLUX.outputs(halves.thermal.blocks, scenario.probes)
         self._of_fluxes = {"thermal": [] if "thermal" in scenario.own_meshes else fluxes}
-        # fault: nobody asks what the mesh does to displacements -> places: list[str] = [] | coupler/test_trust_displaced
+        # fault: nobody asks what the mesh does to displacements -> places = [] | coupler/test_trust_displaced
         places = self._watch.displaced.outputs(halves.mechanical.blocks)
         self._of_places = [] if "mechanical" in scenario.own_meshes else places
         self._of_extremes = extreme_outputs(halves.thermal.blocks)
