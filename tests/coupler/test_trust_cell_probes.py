@@ -11,7 +11,7 @@ import pytest
 from coupler import load_scenario, run
 from coupler.running.resume import resume
 from coupler.scenario.probes import Probe
-from coupler.trust.in_space.cell_probes import FLUX, STRAIN, CellLog, CellProbes
+from coupler.trust.in_space.cell_probes import FLUX, STRAIN, CellLog, CellProbes, melting
 from coupler.trust.in_space.peak_stress import PeakStress
 
 sys.path.insert(0, str(Path(__file__).parent))
@@ -163,11 +163,11 @@ def test_the_flux_at_the_end_of_a_fin_by_its_cells(tmp_path, n, cut, end, sign):
     assert result.probe_errors["base"].mesh == pytest.approx(true * exact, rel=0.5)
 
 
-def flux(*rows):
+def flux(*rows, melting=()):
     """What is told of a body of four cells up whose flux is rows : ((t, value, slope), ...)."""
     interface = rectangles({"low": (6, 4), "up": (2, 2)})
     watch = CellProbes(FLUX, interface, {"p": top(interface, "thermal.q.y")},
-                       PeakStress(interface, {"bodies": {"low": {}, "up": {}}}, {}))
+                       PeakStress(interface, {"bodies": {"low": {}, "up": {}}}, {}), melting)
     y, log = interface.nodes[interface.quads][..., 1].mean(axis=1), CellLog()
     for t, value, slope in rows:
         q = np.zeros((y.size, 2))
@@ -188,6 +188,17 @@ def test_what_a_flux_is_off_by_for_a_moment_is_noted_and_what_lasts_breaks():
     assert lasts.number == pytest.approx(0.275)
     end = flux(*shock, (1.0, 100.0, 0.0), (2.0, 100.0, 1100.0))
     assert (end.verdict, end.t) == ("broken", 2.0)
+
+
+def test_a_flux_in_a_body_that_melts_is_noted():
+    """Beside a front fitted fields were 2 to 5 times as far off as cells: 21 % told of 4 % in 20 cells."""
+    assert flux((1.0, 100.0, 1100.0), (2.0, 100.0, 1100.0), melting=("up",)).verdict == "broken"
+    noted = flux((1.0, 100.0, 1100.0), (2.0, 100.0, 1100.0), melting=("low",))
+    assert (noted.verdict, noted.number) == ("noted", pytest.approx(0.275))
+    model = {"materials": {"a": {"latent": {"L": 1.0}}, "b": {}},
+             "bodies": {"x": {"material": "a"}, "y": {"material": "b"},
+                        "z": {"material": "b", "regions": {"core": {"material": "a"}}}}}
+    assert melting(model) == {"x", "z"}
 
 
 def test_looks_are_thinned_to_the_worse_of_two():

@@ -104,8 +104,9 @@ class TrustWatch:
                          if of_heat.get(pair.name)]
         self._peak_stress = peak_stress.PeakStress(interface, models["mechanical"], probed or {})
         self._probed = dict(probed or {})
-        self._strains, self._fluxes = (cell_probes.CellProbes(kind, interface, self._probed, self._peak_stress)
-                                       for kind in (cell_probes.STRAIN, cell_probes.FLUX))
+        self._strains = cell_probes.CellProbes(cell_probes.STRAIN, interface, self._probed, self._peak_stress)
+        self._fluxes = cell_probes.CellProbes(cell_probes.FLUX, interface, self._probed, self._peak_stress,
+                                              cell_probes.melting(models["thermal"]))
         self.displaced = displaced.Displaced(interface, self._probed)
         self._pressed = contact_pressure.ContactPressure(interface, self._probed, self._peak_stress)
         self._ends = contact_ends.ContactEnds(interface, models["mechanical"])
