@@ -33,13 +33,17 @@ class Quads(ThermalVolume):
         t, n = table_of("quad"), len(x)
         M, K = np.zeros(n), lil_matrix((n, n))
         for cell, part in zip(self.mesh.quads, self.mesh.quad_part, strict=True):
-            m = self.materials[part]
+            m, of_cell = self.materials[part], np.zeros((4, 4))
             for N, dN, w in zip(t.N, t.dN, t.w, strict=True):
                 J = x[cell].T @ dN
                 G, dV = dN @ np.linalg.inv(J), w * np.linalg.det(J)
-                T_q = np.array([N @ T[cell]])
                 M[cell] += m.rho * dV * N * m.c(T[cell])
-                K[np.ix_(cell, cell)] += m.k(T_q)[0] * dV * G @ G.T
+                of_cell += dV * G @ G.T
+            # Heat flows down the integral of k (thermal_fmu.potentials), which here is linear between two nodes.
+            k = m.k(T[cell])
+            of_cell *= 0.5 * (k[:, None] + k[None, :])
+            np.fill_diagonal(of_cell, 0.0)
+            K[np.ix_(cell, cell)] += of_cell - np.diag(of_cell.sum(axis=1))
         return M, K.tocsr(), self.made
 
 
