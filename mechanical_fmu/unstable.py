@@ -137,7 +137,6 @@ class _Stability:
         except ArithmeticError:
             return UNKNOWN
 
-
     @cached_property
     def displaced(self) -> Floats:
         """As displaced.displaced; not a number where the bodies leave their equilibrium, or surfaces slip."""
