@@ -8,13 +8,13 @@ has flowed is zero up to where a body begins to yield, which no polynomial is; s
 A strain that is probed is held against the largest that the probe told over the run, a flux against what it is at that
 time, for that of a shock is of any size; but either against no less than LITTLE of the largest of its kind in its body.
 What a flux is off by for a short time breaks no run: where a shock has just met a surface it is so on any mesh.  Nor
-does a flux in a body that melts, for it bends at fronts, and fitted fields tell too much there.  Where cells are a
+does a flux in a body that melts, for it bends at fronts, and fitted fields may tell too much there.  Where cells are a
 single row nothing is known across, and nothing is told.
 """
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -27,7 +27,8 @@ from coupler.fmu.outputs import component_of
 from coupler.scenario.probes import Probe
 from coupler.trust.checks import Check, amount, measured
 from coupler.trust.in_space.extremes import BRIEF
-from coupler.trust.in_space.peak_stress import Found, PeakStress, found_of
+from coupler.trust.in_space.peak_stress import Found, PeakStress, held, materials_of
+from coupler.trust.in_space.probed import lasting
 
 Floats = NDArray[np.float64]
 
@@ -74,7 +75,7 @@ def melting(model: Mapping[str, Any]) -> set[str]:
     """Return the bodies of a thermal half's model.json in which something may melt."""
     melts = {name for name, material in model.get("materials", {}).items() if material.get("latent")}
     return {name for name, body in model.get("bodies", {}).items()
-            if melts & {part.get("material") for part in (body, *(body.get("regions") or {}).values())}}
+            if melts & set(materials_of(body))}
 
 
 @dataclass(frozen=True)
@@ -115,13 +116,7 @@ class CellProbes:
                 fits[quantity] = self._at_nodes(quantity, cells)
             values = cells[:, column] if cells.ndim > 1 else cells
             smooth, straight = (fit[:, column] for fit in fits[quantity])
-            node = -1
-            if probe.reduction in ("max", "min"):
-                order = smooth[probe.nodes]
-                node = int(probe.nodes[np.argmax(order) if probe.reduction == "max" else np.argmin(order)])
-            elif probe.reduction == "point":
-                node = int(probe.nodes[np.argmax(probe.weights)])
-            now = found_of(probe.of_cells(values), probe.of(smooth), probe.of(straight), t, node)
+            now = held(probe, values, smooth, straight, t)
             # fault: what was off before is forgotten -> found[name] = (now,) | coupler/test_trust_cell_probes
             found[name] = _thinned((*found.get(name, ()), now))
             largest[name] = max(largest.get(name, 0.0), abs(now.told), abs(now.at_nodes))
@@ -143,8 +138,14 @@ class CellProbes:
 
     def off_of(self, log: CellLog) -> dict[str, float]:
         """Return probe -> by how much it may be off, in SI: of what may be brief what lasts."""
-        return {name: _lasting(np.array([one.t for one in looks]), np.array([one.off for one in looks]),
-                               BRIEF * log.t if self._kind.brief else 0.0) for name, looks in log.looks.items()}
+        return {name: self._counts(log, looks, np.array([one.off for one in looks]))
+                for name, looks in log.looks.items()}
+
+    def _counts(self, log: CellLog, looks: Sequence[Found], off: Floats) -> float:
+        """The largest of off : (n,) of looks, of what may be brief the largest that lasts."""
+        if not self._kind.brief:
+            return float(off.max())
+        return lasting(np.array([one.t for one in looks]), off, BRIEF * log.t)
 
     def checks(self, log: CellLog) -> tuple[Check, ...]:
         """Return the check at the end, none where nobody probes such a quantity."""
@@ -157,14 +158,13 @@ class CellProbes:
                   for name, looks in log.looks.items()}
         if not shares:
             return ()
-        times = {name: np.array([one.t for one in looks]) for name, looks in log.looks.items()}
-        # fault: what a flux is off by for a moment breaks a run -> lasting = {n: float(s.max()) for n, s in
+        # fault: what a flux is off by for a moment breaks a run -> count = {n: float(s.max()) for n, s in
         #   shares.items()} | coupler/test_trust_cell_probes
-        lasting = {n: _lasting(times[n], s, BRIEF * log.t if kind.brief else 0.0) for n, s in shares.items()}
+        count = {n: self._counts(log, log.looks[n], s) for n, s in shares.items()}
         # fault: fields fitted across a front break a run -> pass | coupler/test_trust_cell_probes
-        lasting |= dict.fromkeys(self._bends, 0.0)
-        lasts = max(lasting.values()) > LIMITS[0]
-        most = lasting if lasts else {n: float(s.max()) for n, s in shares.items()}
+        count |= dict.fromkeys(self._bends, 0.0)
+        lasts = max(count.values()) > LIMITS[0]
+        most = count if lasts else {n: float(s.max()) for n, s in shares.items()}
         name = max(most, key=lambda n: most[n])
         share = most[name]
         of = log.looks[name][int(np.flatnonzero(shares[name] >= share)[-1])]
@@ -189,12 +189,3 @@ def _thinned(looks: tuple[Found, ...]) -> tuple[Found, ...]:
     if len(looks) <= MOST_LOOKS:
         return looks
     return tuple(max(looks[k:k + 2], key=lambda one: one.off) for k in range(0, len(looks), 2))
-
-
-def _lasting(t: Floats, share: Floats, brief: float) -> float:
-    """What it is off by for longer than brief [s], or at the last look; brief = 0: at any.  t [s], share : (n,)."""
-    if not brief:
-        return float(share.max())
-    after = np.append(np.maximum.accumulate(share[::-1])[::-1], 0.0)
-    both = np.minimum(share, after[np.searchsorted(t, t + brief, side="right")])
-    return float(max(both.max(), share[-1]))

@@ -95,9 +95,9 @@ class PeakStress:
         flows = self._with(FLOWS)
         melts = self._with(MELTS)
         solid = {name: b for b, name in enumerate(interface.bodies)
-                 if not (about.get(name, {}).get("rigid") or melts & set(_materials(about.get(name, {}))))}
+                 if not (about.get(name, {}).get("rigid") or melts & set(materials_of(about.get(name, {}))))}
         self._solid = frozenset(solid)
-        self._bodies = {name: b for name, b in solid.items() if not flows & set(_materials(about.get(name, {})))}
+        self._bodies = {name: b for name, b in solid.items() if not flows & set(materials_of(about.get(name, {})))}
         asked = {name: (probe, *found) for name, probe in probes.items()
                  if probe.half == "mechanical" and (found := component_of(probe.output, COLUMNS)) and probe.nodes.size}
         # fault: nobody holds the probes of a body that yields -> of = self._bodies | coupler/test_trust_peak_stress
@@ -222,13 +222,7 @@ class PeakStress:
             column = 3 if quantity == "sigma_hoop" else column
             values, at = told[STRESS][:, column], [row[:, column] for row in rows]
         smooth, straight = (of[self._row_of] for of in at)
-        node = -1
-        if probe.reduction in ("max", "min"):
-            order = smooth[probe.nodes]
-            node = int(probe.nodes[np.argmax(order) if probe.reduction == "max" else np.argmin(order)])
-        elif probe.reduction == "point":
-            node = int(probe.nodes[np.argmax(probe.weights)])
-        found = found_of(probe.of_cells(values), probe.of(smooth), probe.of(straight), t, node)
+        found = held(probe, values, smooth, straight, t)
         of_cells = values[probe.cells]
         most = {"max": of_cells, "min": -of_cells, "point": probe.cell_weights}.get(probe.reduction)
         return found if most is None else self._curved(found, int(probe.cells[np.argmax(most)]), sigma_v)
@@ -346,6 +340,17 @@ class PeakStress:
         return f" at ({x:.4g}, {y:.4g}) m"
 
 
+def held(probe: Probe, values: Floats, smooth: Floats, straight: Floats, t: float) -> Found:
+    """What a probe tells of values : (n_cells,), against fields smooth, straight : (n_nodes,) at t [s]."""
+    node = -1
+    if probe.reduction in ("max", "min"):
+        order = smooth[probe.nodes]
+        node = int(probe.nodes[np.argmax(order) if probe.reduction == "max" else np.argmin(order)])
+    elif probe.reduction == "point":
+        node = int(probe.nodes[np.argmax(probe.weights)])
+    return found_of(probe.of_cells(values), probe.of(smooth), probe.of(straight), t, node)
+
+
 def found_of(told: float, smooth: float, straight: float, t: float, node: int) -> Found:
     # fault: how well the fit is known does not count -> off = abs(smooth - told) | coupler/test_trust_peak_stress
     off = max(abs(smooth - told), abs(smooth - straight))
@@ -362,5 +367,6 @@ def _principal(stress: Floats) -> Floats:
     return np.asarray(np.maximum(0.5 * (a + b) + np.hypot(0.5 * (a - b), shear), c))
 
 
-def _materials(body: Mapping[str, Any]) -> list[str]:
+def materials_of(body: Mapping[str, Any]) -> list[str]:
+    """The materials of a body of a model.json and of its regions."""
     return [str(part.get("material")) for part in (body, *(body.get("regions") or {}).values())]

@@ -57,6 +57,15 @@ class Rhythm:
 OFTEN = Rhythm(6.0, 12.0, 0.02, 8)
 
 
+def lasting(times: Floats, off: Floats, brief: float) -> float:
+    """By how much it is off for longer than brief [s], or at the last look.  times [s], off : (n,) of looks."""
+    if not off.size:
+        return 0.0
+    after = np.append(np.maximum.accumulate(off[::-1])[::-1], 0.0)
+    both = np.minimum(off, after[np.searchsorted(times, times + brief, side="right")])
+    return float(max(both.max(), off[-1]))
+
+
 @dataclass(frozen=True)
 class Seen:
     """Of a probe: value, low, high : now, and so far.  fastest : at which it moved at a look, per s.
@@ -79,9 +88,8 @@ class Seen:
 
     def lasting(self, t: float) -> float:
         """By how much it is off for longer than t [s], or at the last look."""
-        long = [min(by, after) for k, (at, by) in enumerate(self.off) for then, after in self.off[k + 1:]
-                if then - at > t]
-        return max([*long, *(by for _, by in self.off[-1:])], default=0.0)
+        times, off = np.array(self.off, dtype=float).reshape(-1, 2).T
+        return lasting(times, off, t)
 
 
 @dataclass(frozen=True)
