@@ -27,8 +27,9 @@ from mechanical_fmu.newton import (
     solve,
     wants_tangent,
 )
+from mechanical_fmu.sliding_on import MOST_SLIDES, slid_on
 from mechanical_fmu.system import ForceBalance, Loading, System
-from mechanical_fmu.tangent import StiffnessAnchor
+from mechanical_fmu.tangent import LooseBodyError, StiffnessAnchor
 
 Floats = NDArray[np.float64]
 
@@ -206,7 +207,7 @@ def solve_at_once(system: System, loading: Loading, start: ForceBalance, anchor:
     floor, augmented = settings.floor(system, loading), system.contact.multiplied(system.spec.augmented)
     balance, error, poor, fresh, whole = start, system.error(start, floor), 0, False, True
     history: list[float] = []
-    steps = Steps()
+    steps, slides = Steps(), 0
     while True:
         query = _query(loading)
         changes = _changes(system, balance, query, augmented)
@@ -234,7 +235,14 @@ def solve_at_once(system: System, loading: Loading, start: ForceBalance, anchor:
         old = anchor if poor < MAX_POOR_ITERATIONS else None
         fresh = fresh or old is None
         answer = equations_of(system, query.couplings(system.interface.nodes + balance.u), balance.u, augmented)
-        step = direction(system, loading, balance, gap, old, query.multipliers, answer)
+        try:
+            step = direction(system, loading, balance, gap, old, query.multipliers, answer)
+        except LooseBodyError as exc:
+            slid = slid_on(system, loading, balance, exc) if slides < MOST_SLIDES else None
+            if slid is None:
+                raise
+            balance, error, whole, slides = slid, system.error(slid, floor), True, slides + 1
+            continue
         loading = replace(loading, query=query.with_multipliers(step.multipliers))
         of_all = np.abs(step.multipliers - query.multipliers)
         steps = Steps(float(of_all[system.contact.pair_nodes.size:].max(initial=0.0)), steps.last)

@@ -11,8 +11,10 @@ from numpy.typing import NDArray
 from scipy.sparse import csr_matrix
 
 from contact.half.linalg import Solve, factorise
+from mechanical_fmu.sliding_on import MOST_SLIDES, slid_on
 from mechanical_fmu.system import ForceBalance, ForceFloor, Loading, System
 from mechanical_fmu.tangent import (
+    LooseBodyError,
     StiffnessAnchor,
     constrained,
     finish,
@@ -279,7 +281,7 @@ def solve(system: System, loading: Loading, start: ForceBalance, anchor: Stiffne
     floor = settings.floor(system, loading)
     balance, error = start, system.error(start, floor)
     history, search = [float(error.max())], directions(settings.method, system, loading, anchor)
-    whole = True
+    whole, slides = True, 0
     while True:
         gap = loading.target - balance.u.ravel()[system.constraints.fixed]
         if not gap.any() and balances(system, balance, error, floor, history):
@@ -287,7 +289,15 @@ def solve(system: System, loading: Loading, start: ForceBalance, anchor: Stiffne
         around = search.every and goes_round(history)
         if around or len(history) > settings.most:
             break
-        d, before = search.direction(balance, gap), balance
+        try:
+            d, before = search.direction(balance, gap), balance
+        except LooseBodyError as exc:
+            slid = slid_on(system, loading, balance, exc) if slides < MOST_SLIDES else None
+            if slid is None:
+                raise
+            balance, error, slides = slid, system.error(slid, floor), slides + 1
+            history.append(float(error.max()))
+            continue
         ahead = search.every and whole and wants_tangent(history, settings.tolerance)
         found = line_search(system, loading, Iterate(balance, error), d, floor, settings.tolerance, ahead)
         balance, error, whole = found.balance, found.error, found.whole

@@ -10,7 +10,7 @@ anchor.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import pairwise
@@ -202,11 +202,14 @@ class StiffnessAnchor:
 
 
 class LooseBodyError(SingularMatrixError):
-    """Nothing holds a body against a rigid motion; `together`: or several that hold each other."""
+    """Nothing holds a body against a rigid motion; `together`: or several that hold each other.
 
-    def __init__(self, message: str, together: bool = False) -> None:
+    motion : (2 n_nodes,) [1] of all of them, (0,) where it is not known.
+    """
+
+    def __init__(self, message: str, together: bool = False, motion: Floats | None = None) -> None:
         super().__init__(message)
-        self.together = together
+        self.together, self.motion = together, np.empty(0) if motion is None else motion
 
 
 def refuse_loose(system: System, balance: ForceBalance, sticking: float = 1.0) -> None:
@@ -232,12 +235,13 @@ def refuse_loose(system: System, balance: ForceBalance, sticking: float = 1.0) -
         # fault: loose bodies not looked for -> if values[-1] > 1e300: |
         #   mechanical_fmu/test_first_contact::test_a_body_that_meets_nothing_is_told_with_its_way
         if values[-1] <= LOOSE_RATIO * sticking * values[0]:
-            raise LooseBodyError(_loose_text(system, [body], Z @ vectors[-1]))
+            raise _loose_error(system, x, {body: Z @ vectors[-1]})
     if len(found) > 1:
-        _refuse_loose_together(system, found, held, LOOSE_RATIO * sticking)
+        _refuse_loose_together(system, x, found, held, LOOSE_RATIO * sticking)
 
 
-def _refuse_loose_together(system: System, found: Sequence[tuple[int, Floats]], held: Floats, least: float) -> None:
+def _refuse_loose_together(system: System, x: Floats, found: Sequence[tuple[int, Floats]], held: Floats,
+                           least: float) -> None:
     """Raise LooseBodyError where bodies that hold each other go together, held by nothing else.
 
     found : bodies and the motions left to each.  held : (m, m) [N/m] of contact against all of them.
@@ -257,8 +261,14 @@ def _refuse_loose_together(system: System, found: Sequence[tuple[int, Floats]], 
         parts[body] = Z @ together[start : start + Z.shape[1]]
         start += Z.shape[1]
     largest = max(float(np.abs(part).max()) for part in parts.values())
-    moving = [body for body, part in parts.items() if np.abs(part).max() > PART_OF_A_GROUP * largest]
-    raise LooseBodyError(_loose_text(system, moving, parts[moving[0]]), together=True)
+    raise _loose_error(system, x, {body: part for body, part in parts.items()
+                                   if np.abs(part).max() > PART_OF_A_GROUP * largest}, together=True)
+
+
+def _loose_error(system: System, x: Floats, parts: Mapping[int, Floats], together: bool = False) -> LooseBodyError:
+    """Make the error that names bodies and their motion; x : (n_nodes, 2) [m], parts : (3,) of each body."""
+    motion = np.sum([system.constraints.rigid_motions(x, body) @ part for body, part in parts.items()], axis=0)
+    return LooseBodyError(_loose_text(system, list(parts), next(iter(parts.values()))), together, motion)
 
 
 def _loose_text(system: System, bodies: Sequence[int], motion: Floats) -> str:

@@ -70,8 +70,6 @@ def run(conditions, windows, more=(), material=None, **model):
 @pytest.mark.parametrize("way", ["rotation", "field", "points"])
 def test_three_blocks_on_a_tilting_floor(way, enforcement, weight, monkeypatch):
     """Left behind: 92 to 141 iterations a window, and cuts in each; with the floor left level under them 7 to 21."""
-    model = {} if enforcement is None else {"pairs": {f"p{i}": {"augmented": {"method": enforcement}}
-                                                      for i in (1, 2, 3)}}
     loose, find = [], advance.slipped
 
     def taken_for_loose(system, loading, first, settings):
@@ -80,17 +78,31 @@ def test_three_blocks_on_a_tilting_floor(way, enforcement, weight, monkeypatch):
 
     monkeypatch.setattr(advance, "slipped", taken_for_loose)
     for k in range(5):
-        windows = run(tilting(way, (1.0 + 1e-3 * k) * TILT), 5, **weight, **model)[1:]
-        # Held at two points the floor bends, and what was held at the bound goes on to slip or sticks: by the penalty
-        # alone 37 in the first window, in which surfaces part within their edges, and without weight 26 in most
-        # windows, above the aim.  By multipliers 7 (in eight windows up to 60).
-        most = 5 * [3]
-        if way == "points":
-            most = [6 if enforcement else 40, 6, 6, 6, 6] if weight else 5 * [AIM if enforcement else 40]
+        windows = run(tilting(way, (1.0 + 1e-3 * k) * TILT), 5, **weight, **enforced(enforcement))[1:]
         assert not any(out["cuts"] for out in windows)
-        assert all(out["iterations"] <= n for out, n in zip(windows, most, strict=True))
+        assert all(out["iterations"] <= (6 if way == "points" else 3) for out in windows)
     # What presses is held; on a floor that bends a block may begin by touching with a corner alone.
     assert (way == "points" and not (enforcement and weight)) or not any(loose)
+
+
+def enforced(way):
+    return {} if way is None else {"pairs": {f"p{i}": {"augmented": {"method": way}} for i in (1, 2, 3)}}
+
+
+@pytest.mark.few("8-light-semi_smooth")
+@pytest.mark.parametrize("enforcement", [None, "semi_smooth"])
+@pytest.mark.parametrize("weight", [HEAVY, {}], ids=["heavy", "light"])
+@pytest.mark.parametrize("windows", [3, 8, 20])
+def test_blocks_held_at_the_bound_of_friction_go_along_in_any_windows(windows, weight, enforcement):
+    """The floor, held at two points, bends, and all points of the lowest block are held at the bound at its ends.
+
+    Which of them go on to slip is a matter of the last digits: looked for by springs that grow stiff, single windows
+    took 26 to 37 iterations by the penalty alone, and 50 to 60 by multipliers.
+    """
+    for angle in (0.5 * TILT, TILT, 1.3 * TILT):
+        told = run(tilting("points", angle), windows, **weight, **enforced(enforcement))[1:]
+        assert not any(out["cuts"] for out in told)
+        assert all(out["iterations"] <= 6 for out in told)
 
 
 @pytest.mark.parametrize("windows", [1, 3, 9])
