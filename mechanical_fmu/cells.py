@@ -17,6 +17,8 @@ from mechanical_fmu.strain import Modes, mode_count, mode_gradients
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int32]
 
+QUAD = 4  # corners
+
 
 @dataclass(frozen=True)
 class Treatment:
@@ -113,6 +115,12 @@ def cells_of(interface: Interface, treatments: tuple[Treatment, ...] | None = No
             if here.any():
                 out.append(_cells(interface, nodes[here], part[here], number[here], table_of(name), treatment))
     return tuple(out)
+
+
+def moved(cells: Cells, interface: Interface) -> Cells:
+    """Return cells where the nodes of another interface put them.  Raises ValueError as cells_of does."""
+    table = table_of("quad" if cells.nodes.shape[1] == QUAD else "triangle")
+    return _cells(interface, cells.nodes, cells.part, cells.number, table, cells.treatment)
 
 
 def _cells(interface: Interface, nodes: Ints, part: Ints, number: Ints, table: CellQuadrature,

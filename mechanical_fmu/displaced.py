@@ -24,13 +24,12 @@ from numpy.typing import NDArray
 from scipy.sparse import csr_matrix
 
 from contact.half.linalg import factorise
-from mechanical_fmu.cells import ELASTIC, Cells, cells_of
+from mechanical_fmu.cells import ELASTIC, QUAD, Cells, moved
 from mechanical_fmu.recovery import recovered
 from mechanical_fmu.system import Loading, System, mesh_nodes
 
 Floats = NDArray[np.float64]
 
-QUAD = 4  # corners
 SHAPE = np.array([[0, 2], [2, 1]])  # of the components 11, 22, 12, 33
 IN_A_ROW = 0.1  # of the cells of a body: more of a single row, and nothing is told of it
 
@@ -61,19 +60,8 @@ def displaced(system: System, K: csr_matrix, u: Floats, loading: Loading) -> Flo
 def _there(system: System, u: Floats) -> tuple[Cells, ...]:
     """The cells where they are at u, kind by kind."""
     interface = system.interface
-    of_part = {int(part): cells.treatment for cells in system.volume.kinds for part in np.unique(cells.part)}
-    treatments = tuple(of_part.get(part, ELASTIC) for part in range(len(interface.parts)))
-    x = np.ascontiguousarray(interface.nodes + u[:len(interface.nodes)])
-    now = cells_of(replace(interface, nodes=x), treatments)
-    # Rigid bodies have no cells among those of the volume, so a kind may have more here.
-    kind_of, at = (np.zeros(sum(len(cells.number) for cells in now), dtype=np.intp) for _ in range(2))
-    for k, cells in enumerate(now):
-        kind_of[cells.number], at[cells.number] = k, np.arange(len(cells.number))
-    found = []
-    for cells in system.volume.kinds:
-        kind, e = now[int(kind_of[cells.number[0]])], at[cells.number]
-        found.append(replace(cells, B=kind.B[e], weight=kind.weight[e], N_over_R=kind.N_over_R[e]))
-    return tuple(found)
+    now = replace(interface, nodes=np.ascontiguousarray(interface.nodes + u[:len(interface.nodes)]))
+    return tuple(moved(cells, now) for cells in system.volume.kinds)
 
 
 def _forces(here: Cells, stress: Floats) -> Floats:

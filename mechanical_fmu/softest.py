@@ -24,14 +24,13 @@ from numpy.typing import NDArray
 from scipy.sparse import csr_matrix
 
 from contact.half.linalg import SingularMatrixError, factorise
-from mechanical_fmu.cells import ELASTIC, Cells
+from mechanical_fmu.cells import ELASTIC, QUAD, Cells
 from mechanical_fmu.material import Moduli
 from mechanical_fmu.recovery import Stressed, energies, missed_energy
 from mechanical_fmu.system import Loading, System
 
 Floats = NDArray[np.float64]
 
-QUAD = 4  # corners
 MOTIONS = 4  # so many are looked at: a scene may have several bodies that are soft
 TURNS = 5  # of inverse iteration, from motions at random, the same each time
 STRAIN = 1e-6  # largest that a motion is given
