@@ -10,7 +10,6 @@ from numpy.typing import NDArray
 
 from contact.half.model import Values
 from contact.half.program import ProgramError
-from mechanical_fmu.carrying import carried
 from mechanical_fmu.coming_to_rest import brought_to_rest
 from mechanical_fmu.contact import ContactQuery
 from mechanical_fmu.dynamics import BodyMotion, HeldMotion, fly, free_flight, inertia_of, motion_after, rubbed
@@ -24,6 +23,7 @@ from mechanical_fmu.loads import driven, pressure_forces
 from mechanical_fmu.material import Moduli
 from mechanical_fmu.newton import Equilibrium, NoEquilibriumError, SolverSettings
 from mechanical_fmu.passing import refuse_passing
+from mechanical_fmu.predicting import going_on, predicted
 from mechanical_fmu.program_step import solve_by_program
 from mechanical_fmu.slipping import slipped
 from mechanical_fmu.stabilisation import SOON, left_behind, stabilised
@@ -125,8 +125,6 @@ def _change_of_forces(system: System, solved: StepDrive, now: StepDrive, u: Floa
 
 # From one time to another: one solve, or several where one cannot be done.
 
-# Prescribed components this close to their target (share of the largest body) are set, not solved for: round-off.
-TARGET_ROUND_OFF = 1e-12
 # The share of a step over which the velocity at its end is taken: of what turns it is off by half of that.
 LAST_BIT = 1e-4
 
@@ -154,10 +152,14 @@ class Task:
 
 @dataclass(frozen=True)
 class Departure:
-    """What a piece of a step begins with.  history : (n_history,) of points and cells."""
+    """What a piece of a step begins with.  history : (n_history,) of points and cells.
+
+    trend : (n, 2) [m/s] at which nodes went in the step or the piece before, (0, 2): none did, or with inertia.
+    """
 
     motion: BodyMotion
     history: Floats
+    trend: Floats = field(default_factory=lambda: np.empty((0, 2)))
 
 
 @dataclass(frozen=True)
@@ -209,19 +211,6 @@ def loading_of(system: System, task: Task, share: float, dt: float, history: Flo
         dead = (1.0 - share) * task.handed + (0.0 if dead is None else dead)
     target = system.constraints.motions.target(drive.levels)
     return Loading(moduli, target, drive.pressure, task.query, PointStep(dt, history), dead)
-
-
-def predicted(system: System, u: Floats, loading: Loading, tangent: bool) -> ForceBalance:
-    """Compute the balance where driven bodies have moved by their mean prescribed increment, with tangent if asked for.
-
-    u : (n_nodes, 2) [m] before they move.  Bodies that only contact holds go along with what they lie on.
-    """
-    moved = carried(system, u, system.constraints.moved(u, loading.target, system.interface.nodes), loading)
-    fixed = system.constraints.fixed
-    off = np.abs(moved.ravel()[fixed] - loading.target)
-    if off.size and off.max() <= TARGET_ROUND_OFF * float(system.size.max()):
-        moved.ravel()[fixed] = loading.target
-    return system.balance(moved, loading, tangent)
 
 
 def solved(system: System, u: Floats, loading: Loading, first: ForceBalance, anchor: StiffnessAnchor | None,
@@ -297,7 +286,8 @@ def in_pieces(system: System, task: Task, begin: Departure, settings: SolverSett
             size, left = 0.5 * size, left - 1
             continue
         found = piece if found is None else _joined(found, piece)
-        task, begin, share = _onwards(system, task, piece), Departure(piece.motion, piece.balance.history), goal
+        trend = (piece.motion.u - begin.motion.u) / ((goal - share) * task.dt)
+        task, begin, share = _onwards(system, task, piece), Departure(piece.motion, piece.balance.history, trend), goal
         if size < 1.0 and left < cuts and (share / (2.0 * size)).is_integer():
             # A hard spot is behind: try larger pieces again, but the spot has used up its cuts.
             size, left = 2.0 * size, left + 1
@@ -322,6 +312,8 @@ def _piece(system: System, task: Task, begin: Departure, span: tuple[float, floa
     heat = np.empty(0)
     if dynamics is None:
         first = predicted(system, motion.u, loading, True)
+        if begin.trend.size:
+            first = going_on(system, motion.u, dt * begin.trend, loading, first, settings)
         equilibrium = solved(system, motion.u, loading, first, None, settings)
         found = equilibrium.balance
         rest = np.zeros_like(motion.v)

@@ -33,6 +33,7 @@ class ElasticState:
     were released last, (0, 2) where none were.
     slid : (n_q,) [m] that slave nodes have slipped since the start, (0,) where nothing can.
     made : [J] that steps made from nothing since the start, with inertia (energy.py).
+    trend : (n, 2) [m/s] at which nodes went in the last step, (0, 2) of none, with inertia, or where anchors serve.
     """
 
     t: float
@@ -58,6 +59,7 @@ class ElasticState:
     slid: Floats = field(default_factory=lambda: np.empty(0))
     made: float = 0.0
     owed: float = 0.0
+    trend: Floats = field(default_factory=lambda: np.empty((0, 2)))
 
 
 def after_release(system: System, state: ElasticState, found: ForceBalance) -> ElasticState:

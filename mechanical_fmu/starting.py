@@ -7,8 +7,9 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from mechanical_fmu.advance import predicted, solved
+from mechanical_fmu.advance import solved
 from mechanical_fmu.newton import Equilibrium, NoEquilibriumError, SolverSettings
+from mechanical_fmu.predicting import predicted
 from mechanical_fmu.system import Loading, System
 from mechanical_fmu.volume import CellError
 

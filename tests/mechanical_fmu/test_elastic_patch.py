@@ -11,10 +11,11 @@ import pytest
 
 from contact.half.linalg import pattern_of
 from contact.half.model import Discard
-from mechanical_fmu.advance import drive_of, predicted
+from mechanical_fmu.advance import drive_of
 from mechanical_fmu.loads import pressure_blocks, pressure_forces
 from mechanical_fmu.material import Moduli
 from mechanical_fmu.newton import SolverSettings, solve
+from mechanical_fmu.predicting import predicted
 from mechanical_fmu.warm import beginning
 
 sys.path.insert(0, str(Path(__file__).parent))
