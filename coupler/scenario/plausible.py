@@ -6,7 +6,7 @@ Chemistry and Physics, Ashby's charts); what lies outside is told, with the unit
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -66,6 +66,8 @@ USUAL = {
     "creep.Q": Usual(3e3, 3e6, "J/mol", {"kJ/mol": 1e3}),  # hydrogen bonds to a hundred times those of metals
     "liquid.bulk": Usual(1e6, 1e12, "Pa", STRESS),
 }
+# What is stiff everywhere (STIFF) flows at no less: lead and salt at 1e6, metals next to melting at 1e5 Pa.
+STIFF_S_Y = Usual(1e5, 1e10, "Pa", {**STRESS, "kPa": 1e3})
 SOLID_RHO = 12.0  # kg/m3; a solid is no lighter
 DENSE, DENSE_E = 1500.0, 1e7  # kg/m3, Pa: what is denser than foams, gels and rubbers is stiffer than they are, too
 STIFF, STIFF_K = 3e10, 0.45  # Pa, W/mK: what is dense and so stiff (metals, stone, ceramics) conducts better than that
@@ -168,6 +170,9 @@ def _odd(material: Material) -> Iterator[tuple[str, float, Usual]]:
         #   coupler/test_scenario_plausible
         if key == "k" and _above(material, "rho", DENSE) and _above(material, "E", STIFF):
             usual = replace(usual, least=STIFF_K)
+        # fault: steel's 250000 meant in kPa is taken for what it says -> if False: | coupler/test_scenario_plausible
+        if key == "plastic.s_y" and _above(material, "E", STIFF) and not _above(material, key, STIFF_S_Y.least, max):
+            usual = STIFF_S_Y
         for values in _values(material, key):
             # A stray value of a table is a fit's; a unit moves all of them.
             if values and not any(usual.holds(v) for v in values):
@@ -175,9 +180,10 @@ def _odd(material: Material) -> Iterator[tuple[str, float, Usual]]:
                 break
 
 
-def _above(material: Material, key: str, least: float) -> bool:
-    """Whether a part of a property is above a bound everywhere."""
-    return any(min(values) > least for values in _values(material, key) if values)
+def _above(material: Material, key: str, least: float,
+           of: Callable[[Sequence[float]], float] = min) -> bool:
+    """Whether a part of a property is above a bound everywhere, or with max for `of`, somewhere."""
+    return any(of(values) > least for values in _values(material, key) if values)
 
 
 def _values(material: Material, key: str) -> Iterator[list[float]]:

@@ -23,6 +23,7 @@ from coupler.scenario.unit_system import UnitSystem
 # no press reaches 1e11 Pa.
 MOST = {"convection.h": (3e4, "W/m2K"), "flux": (1e10, "W/m2"), "Q_T": (3e11, "W/m3"),
         **dict.fromkeys(("pressure", "t_x", "t_y"), (1e11, "Pa"))}
+LEAST_H, PER_MM2 = 1e-3, 1e6  # W/m2K: a hand's breadth of vacuum panel lets 50 times as much through; W/m2K of 1 W/mm2K
 G, NEAR_G = 9.81, 0.005  # m/s2, and the share by which authors round it
 # Temperatures of a room as authors write them in degrees Celsius.
 ROOM_C, APART = (15.0, 30.0), 150.0
@@ -43,8 +44,8 @@ def unlikely_loads(stated: ScenarioFile, units: UnitSystem | None) -> list[str]:
 
     stated : what the file says, in SI.  units : of the file's plain numbers, where they are not SI.
     """
-    large = [] if units is None else list(_large(stated, units))
-    return [*large, *_weight(stated, units), *_surroundings(stated), *_hot(stated)]
+    sizes = _tiny(stated) if units is None else _large(stated, units)
+    return [*sizes, *_weight(stated, units), *_surroundings(stated), *_hot(stated)]
 
 
 def _large(stated: ScenarioFile, units: UnitSystem) -> Iterator[str]:
@@ -60,6 +61,17 @@ def _large(stated: ScenarioFile, units: UnitSystem) -> Iterator[str]:
         meant = f": is {plain:g} {si} meant?" if plain <= most else "."
         yield (f"{load.key} of {load.place} is {plain:g} {units.name(powers)}, which is {largest:.3g} {si}{meant} "
                f"Plain numbers are in {units.symbols} and s; a number may have its unit")
+
+
+def _tiny(stated: ScenarioFile) -> Iterator[str]:
+    """Films in a file in SI that let next to nothing through, but would be usual in W/mm2K."""
+    for load in _heat(stated):
+        h = max(map(abs, load.numbers), default=0.0)
+        # fault: a film in W/mm2K is taken for what it says -> if True: | coupler/test_scenario_plausible_loads
+        if load.key != "convection.h" or not 0.0 < h < LEAST_H:
+            continue
+        yield (f"convection.h of {load.place} is {h:g} W/m2K, which lets next to no heat through: is {h:g} W/mm2K, "
+               f"{PER_MM2 * h:g} W/m2K, meant?")
 
 
 def _heat(stated: ScenarioFile) -> Iterator[Load]:

@@ -55,6 +55,9 @@ def test_what_is_usual_is_not_told(tmp_path: Path) -> None:
     ({"alpha": 12}, "alpha is 12 1/K (in 1e-6/K it would be 1.2e-05)"),
     ({"alpha": "{T: [0, 500], value: [12, 14]}"}, "alpha is 14 1/K (in 1e-6/K it would be 1.4e-05)"),
     ({"s_y": 250}, "plastic.s_y is 250 Pa (in MPa it would be 2.5e+08)"),
+    ({"s_y": "50e3"}, "plastic.s_y is 50000 Pa (in kPa it would be 5e+07)"),
+    ({"s_y": "50e3", "E": "1.0e9", "k": 0.5}, ""),  # what is soft may yield so soon
+    ({"s_y": "{T: [20, 1400], value: [2.5e8, 1.0e4]}"}, ""),
     ({"E": 200, "alpha": 12}, "E is 200 Pa (in GPa it would be 2e+11), alpha is 12 1/K"),
     ({"length": 100}, "body bar is 100 m long: is mm meant?"),
     ({"length": 100}, "Lengths are in metres, those of a mesh file times its `unit`"),

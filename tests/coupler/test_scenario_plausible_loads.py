@@ -73,6 +73,13 @@ def test_si_in_a_file_in_mm_is_told(tmp_path: Path, wrong: dict[str, object], to
     assert len(found) == bool(told)
 
 
+def test_a_film_in_W_per_mm2_is_told(tmp_path: Path) -> None:
+    told = "convection.h of bar.right is 0.0005 W/m2K, which lets next to no heat through: is 0.0005 W/mm2K, 500 W/m2K"
+    assert [note.startswith(told) for note in notes_of(tmp_path, SI, {"h": "5.0e-4"})] == [True]
+    for h in (0, 0.01, 0.5):  # nothing, vacuum, a wall that is insulated
+        assert notes_of(tmp_path, SI, {"h": h}) == ()
+
+
 def test_gravity_as_authors_round_it(tmp_path: Path) -> None:
     for g in ("-9.8", "9.80665"):
         assert any("m/s2 meant?" in note for note in notes_of(tmp_path, MM, {"g": g}))
