@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from enum import StrEnum
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, ClassVar, Literal
 
 from pydantic import Discriminator, Tag, model_validator
 
@@ -60,6 +60,8 @@ class Friction(Part):
 
     Without mu the half makes none, and the share is for one that rubs by a law of its own.
     """
+
+    alone: ClassVar[str] = "mu"
 
     mu: Annotated[NotNegative, Entry("Coulomb's coefficient (elastic)")] = 0.0
     stick: Annotated[Stiffness, Entry("stiffness of sticking; `auto` = that of the penalty, if `augmented` 4 times",

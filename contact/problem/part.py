@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from math import inf
-from typing import Any, Self
+from typing import Any, ClassVar, Self
 
 from pydantic import (
     BaseModel,
@@ -110,6 +110,9 @@ class Part(BaseModel):
 
     model_config = ConfigDict(frozen=True, extra="forbid", arbitrary_types_allowed=True, defer_build=True)
 
+    # The key of which a number stands for that is written in place of the mapping, "": of none.
+    alone: ClassVar[str] = ""
+
     @model_validator(mode="wrap")
     @classmethod
     def _known_keys_only(cls, data: Any, handler: Callable[[Any], Any]) -> Any:
@@ -117,7 +120,10 @@ class Part(BaseModel):
             return data
         keys = cls.keys()
         if not isinstance(data, Mapping):
-            raise problem(f"a mapping is needed here, with the keys {', '.join(keys)}")
+            # fault: nobody says how to write a coefficient alone -> number = False | coupler/test_scenario_errors
+            number = cls.alone and isinstance(data, int | float) and not isinstance(data, bool)
+            raise problem(f"a mapping is needed here, with the keys {', '.join(keys)}",
+                          f"Write {{{cls.alone}: {data:g}}}." if number else "")
         # fault: unknown keys accepted -> unknown: list[str] = [] | coupler/test_scenario_override
         #   coupler/test_scenario_errors
         unknown = [key for key in data if not cls.knows(key)]
