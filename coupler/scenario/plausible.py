@@ -170,7 +170,7 @@ def _odd(material: Material) -> Iterator[tuple[str, float, Usual]]:
         #   coupler/test_scenario_plausible
         if key == "k" and _above(material, "rho", DENSE) and _above(material, "E", STIFF):
             usual = replace(usual, least=STIFF_K)
-        # fault: steel's 250000 meant in kPa is taken for what it says -> if False: | coupler/test_scenario_plausible
+        # fault: steel's 50000 meant in kPa is taken for what it says -> if False: | coupler/test_scenario_plausible
         if key == "plastic.s_y" and _above(material, "E", STIFF) and not _above(material, key, STIFF_S_Y.least, max):
             usual = STIFF_S_Y
         for values in _values(material, key):
