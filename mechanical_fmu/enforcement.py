@@ -27,7 +27,7 @@ from mechanical_fmu.newton import (
     solve,
     wants_tangent,
 )
-from mechanical_fmu.sliding_on import MOST_SLIDES, slid_on
+from mechanical_fmu.sliding_on import slid_on
 from mechanical_fmu.system import ForceBalance, Loading, System
 from mechanical_fmu.tangent import LooseBodyError, StiffnessAnchor
 
@@ -238,10 +238,8 @@ def solve_at_once(system: System, loading: Loading, start: ForceBalance, anchor:
         try:
             step = direction(system, loading, balance, gap, old, query.multipliers, answer)
         except LooseBodyError as exc:
-            slid = slid_on(system, loading, balance, exc) if slides < MOST_SLIDES else None
-            if slid is None:
-                raise
-            balance, error, whole, slides = slid, system.error(slid, floor), True, slides + 1
+            balance = slid_on(system, loading, balance, exc, slides)
+            error, whole, slides = system.error(balance, floor), True, slides + 1
             continue
         loading = replace(loading, query=query.with_multipliers(step.multipliers))
         of_all = np.abs(step.multipliers - query.multipliers)

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from scipy.sparse import csr_matrix
 
 from contact.half.linalg import Solve, factorise
-from mechanical_fmu.sliding_on import MOST_SLIDES, slid_on
+from mechanical_fmu.sliding_on import slid_on
 from mechanical_fmu.system import ForceBalance, ForceFloor, Loading, System
 from mechanical_fmu.tangent import (
     LooseBodyError,
@@ -292,10 +292,8 @@ def solve(system: System, loading: Loading, start: ForceBalance, anchor: Stiffne
         try:
             d, before = search.direction(balance, gap), balance
         except LooseBodyError as exc:
-            slid = slid_on(system, loading, balance, exc) if slides < MOST_SLIDES else None
-            if slid is None:
-                raise
-            balance, error, slides = slid, system.error(slid, floor), slides + 1
+            balance = slid_on(system, loading, balance, exc, slides)
+            error, slides = system.error(balance, floor), slides + 1
             history.append(float(error.max()))
             continue
         ahead = search.every and whole and wants_tangent(history, settings.tolerance)

@@ -44,15 +44,15 @@ def going_on(system: System, u: Floats, way: Floats, loading: Loading, first: Fo
     reached = first.u.copy()
     # fault: what is prescribed to go on is taken for at rest -> pass | mechanical_fmu/test_trend
     reached.ravel()[fixed] = loading.target
-    on = (u + way - first.u).ravel()
-    on[fixed] = (reached - first.u).ravel()[fixed]
+    on = u + way
+    on.ravel()[fixed] = loading.target
     try:
         # fault: a body that nothing holds goes on by itself -> pass | mechanical_fmu/test_trend
         refuse_loose(system, first, loading.sticking)
         error = _error(system, first if np.array_equal(reached, first.u) else _at(system, reached, loading), floor)
         if error <= settings.tolerance:
             return first
-        ahead = _at(system, first.u + on.reshape(-1, 2), loading, True)
+        ahead = _at(system, on, loading, True)
     except (LooseBodyError, CellError, ContactRefusedError):
         return first  # nothing pushes a body on that contact does not hold; no cell can be there
     return ahead if _error(system, ahead, floor) < BETTER * error else first

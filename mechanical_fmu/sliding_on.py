@@ -29,14 +29,17 @@ BACK, NEARLY = 0.1, 0.9
 MOST_SLIDES = 4
 
 
-def slid_on(system: System, loading: Loading, balance: ForceBalance, loose: LooseBodyError) -> ForceBalance | None:
-    """Return the balance where a loose body has slid on until friction holds it; None where that does not come to be.
+def slid_on(system: System, loading: Loading, balance: ForceBalance, loose: LooseBodyError, slides: int
+            ) -> ForceBalance:
+    """Return the balance where a loose body has slid on until friction holds it.
 
-    loose : tells the body and its motion.  Raises what System.balance does.
+    slides : how often one did so before in this search.  loose : tells the body and its motion, and is raised where
+    friction does not come to hold it.  Raises what System.balance does, too.
     """
     query, before, m = loading.query, balance.tractions, loose.motion
-    if query is None or before is None or before.n_slipping == 0 or loading.inertia is not None:
-        return None
+    if (slides >= MOST_SLIDES or query is None or before is None or before.n_slipping == 0
+            or loading.inertia is not None):
+        raise loose
     x, along = system.interface.nodes + balance.u, m[system.contact.dofs]
     springs = float(system.contact.against(query.softened(query.sticking)(x), along[:, None])[0, 0])
     r = balance.r.ravel()
@@ -44,7 +47,7 @@ def slid_on(system: System, loading: Loading, balance: ForceBalance, loose: Loos
     # fault: what hardly pulls is drawn nowhere -> size = abs(pull) or 1.0 | mechanical_fmu/test_carrying
     size = max(abs(pull), LEAST * float(np.linalg.norm(m) * np.linalg.norm(r * system.constraints.free)))
     if not springs > 0.0 or size == 0.0:
-        return None
+        raise loose
     forth = float(np.copysign(1.0, pull))
 
     def at(way: float) -> Floats:
@@ -66,4 +69,4 @@ def slid_on(system: System, loading: Loading, balance: ForceBalance, loose: Loos
             way = root_scalar(left, bracket=sorted((behind, ahead)), method="toms748").root
             return system.balance(at(way), loading)
         behind, ahead = ahead, GROWTH * ahead
-    return None
+    raise loose

@@ -119,10 +119,10 @@ class ElasticBoundary(Supported):
         kinds = [kind for kind in (HELD, ("pressure",), TRACTIONS, FORCES, WEIGHTS)
                  if any(getattr(self, key) is not None for key in kind)]
         if len(kinds) != 1:
-            both = [next(key for key in kind if getattr(self, key) is not None) for kind in kinds]
+            each = [next(key for key in kind if getattr(self, key) is not None) for kind in kinds]
             raise problem("one kind of condition is needed: displacements (u_x, u_y, rotation, of a rigid body "
                           "angle), a pressure, tractions (t_x, t_y), forces (f_x, f_y, moment) or body forces (b_x, "
-                          "b_y)", f"Write an entry for each of {' and '.join(both)}." if both else "")
+                          "b_y)", f"Write an entry for each of {' and '.join(each)}." if each else "")
         given = [key for key in kinds[0] if getattr(self, key) is not None]
         if kinds[0] in (("pressure",), TRACTIONS):
             self.only_on(given[0])

@@ -180,8 +180,7 @@ def _odd(material: Material) -> Iterator[tuple[str, float, Usual]]:
                 break
 
 
-def _above(material: Material, key: str, least: float,
-           of: Callable[[Sequence[float]], float] = min) -> bool:
+def _above(material: Material, key: str, least: float, of: Callable[[Sequence[float]], float] = min) -> bool:
     """Whether a part of a property is above a bound everywhere, or with max for `of`, somewhere."""
     return any(of(values) > least for values in _values(material, key) if values)
 
