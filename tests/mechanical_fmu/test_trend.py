@@ -62,10 +62,20 @@ def test_what_rests_stays():
     assert np.array_equal(before.u, after.u)
 
 
-def test_a_pull_that_turns_round_is_followed():
+def test_a_pull_that_turns_round_is_followed(monkeypatch):
+    """Where it turns, nodes do not go on."""
+    stayed = []
+
+    def seen(system, u, way, loading, first, settings):
+        found = going_on(system, u, way, loading, first, settings)
+        stayed.append(found is first)
+        return found
+
+    monkeypatch.setattr(advance, "going_on", seen)
     back = [*PULLED[:2], hold("block.right", 0, {"t": [0, 0.5, 1], "value": [0, 0.01, 0.0]})]
     half = elastic(notched(), back, SOFT)
     assert all(outputs["iterations"] <= 8 for _, outputs in steps(half))
+    assert stayed[4]  # the sixth step, and the first step has none before it
 
 
 def test_a_body_that_nothing_holds_aside_is_not_sent_on():
